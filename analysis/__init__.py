@@ -1,4 +1,4 @@
-"""Measure, compare, draw: reads network, signal and mode files and says whether they agree."""
+"""Measure, compare and draw packings and waves from files of networks, signals and modes."""
 
 import importlib
 from typing import TYPE_CHECKING, Any

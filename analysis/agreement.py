@@ -1,9 +1,9 @@
 """Compare a YADE run, or a non-linear wave, with the linear wave of its network, cause by cause.
 
 The linear wave is computed with the time step of the DEM run (`modal.waves.integrators`) and the
-exact tangent, so that what differs is the packing's non-linearity and the run's noise. The
-difference is split by cause if one thing at a time is left out, or if there are runs of another
-amplitude, sign or friction. All displacements are divided by the amplitude of the source;
+exact tangent, so that the remaining difference is the packing's non-linearity and the run's noise.
+To split the difference by cause, one effect at a time is left out, or runs of another amplitude,
+sign or friction are compared. All displacements are divided by the amplitude of the source;
 differences are relative L2 norms.
 """
 
@@ -62,7 +62,7 @@ recorded them.
 class Difference(NamedTuple):
     """The difference of two motions: relative L2 norms over all times.
 
-    cause: why they differ, for a reader. chain, layers, particles: differences of the chain, of
+    cause: why the motions differ, as text. chain, layers, particles: differences of the chain, of
     means over layers, of all particles; median: difference of the median particle. names: names of
     both motions, as in `Comparison`.
     """
@@ -81,7 +81,7 @@ def relative(motion: Floats, reference: Floats) -> float:
 
 
 def compare(cause: str, motion: Motion, reference: Motion) -> Difference:
-    """Compute the difference of two motions by its cause, as far as both are recorded."""
+    """Compute the difference of two motions, for all parts that both have recorded."""
     difference = Difference(cause, relative(motion["chain"], reference["chain"]))
     if "layers" in motion and "layers" in reference:
         layers = relative(motion["layers"], reference["layers"])
@@ -107,8 +107,8 @@ class Agreement:
     Raises
     ------
     InputError
-        If the run does not belong to the network, or its records are not equally many time steps
-        apart.
+        If the run does not belong to the network, or if its records are not evenly spaced in time
+        steps.
     """
 
     def __init__(self, network: Network, run: Signals) -> None:
@@ -159,7 +159,7 @@ class Agreement:
         return rows
 
     def _factor_of_source(self, source: Floats) -> float:
-        """Return by which factor a source's motion (nt,), m, is larger than the first run's."""
+        """Return the ratio of a source's motion (nt,), m, to that of the first run."""
         first = self.run.source_displacement
         factor = float(source @ first / (first @ first))
         largest = abs(source).max()
@@ -217,7 +217,7 @@ class Agreement:
 
 
 def _refuse_other_network(network: Network, run: Signals) -> None:
-    """Raise InputError if a run has other particles than the network."""
+    """Raise InputError if a run does not have the particles of the network."""
     particles = run.particle_displacement
     other_count = particles is not None and particles.shape[1] != network.n_particles
     if other_count or run.chain_particle.max(initial=-1) >= network.n_particles:
@@ -229,7 +229,7 @@ def _refuse_other_network(network: Network, run: Signals) -> None:
 
 
 class Comparison(NamedTuple):
-    """A cause, and the names of two motions that differ by it.
+    """A cause, and the names of two motions that differ only by this cause.
 
     Motions are runs, linear waves (`PRE_STRESS_OF_WAVES`) and odd parts (`RUNS_OF_ODD_PARTS`);
     `{by}` stands for the program of the run.
@@ -285,7 +285,7 @@ def split_by_cause(pair: Agreement, **others: Signals) -> list[Difference]:
 
 
 def _stored_motions(pair: Agreement, runs: Mapping[str, Signals]) -> Callable[[str], Motion]:
-    """Return a function that computes a motion by its name and keeps the last few."""
+    """Return a function that computes a motion by its name and caches the last few."""
 
     @lru_cache(STORED_MOTIONS)
     def motion(name: str) -> Motion:

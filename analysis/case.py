@@ -1,7 +1,7 @@
 """Hold the files of one packing: their kinds, their names, and their contents, read on demand.
 
-The kind of a file follows from its schema; files belong together if they have the digest of one
-packing.
+The kind of a file follows from its schema; files belong together if they contain the digest of the
+same packing.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class Case:
     files : dict of str to Path, or None
         Files by kind; None for all files in the folder that begin with the name.
     notes : list of str
-        What a reader should know about files that have been read.
+        Remarks for the user on files that have been read.
     contents : dict
         Contents of the files that have been read, by kind.
     """
@@ -128,7 +128,7 @@ class Case:
 
     @property
     def number(self) -> int | None:
-        """Return the number of the case in a study by its name; None without a number."""
+        """Return the number of the case in a study, read from its name; None if it has none."""
         match = re.fullmatch(r"case(\d+)", self.name)
         if match is None:
             return None
@@ -156,7 +156,7 @@ class Case:
 
     @property
     def there(self) -> list[str]:
-        """Return the kinds of the files of this case that exist."""
+        """Return the kinds of files that exist for this case."""
         return [kind for kind in KINDS if self.has(kind)]
 
     @cached_property
@@ -178,7 +178,7 @@ class Case:
         return packing_of(self.packing_path)
 
     def check(self) -> None:
-        """Raise InputError if any file was made from another packing."""
+        """Raise InputError if any file of the case was made from another packing."""
         for kind in self.there:
             if kind not in PACKINGS:
                 self.product(kind)
@@ -215,9 +215,9 @@ class Case:
 def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
     """Return a case for each packing among the files, with the products made from it.
 
-    A product that lies beside the packing under its name is added if no other file of its kind is
-    given. Raises InputError for files of an unknown schema, without any packing, of another
-    packing than those given, and for two files of one kind.
+    A product in the packing's folder with the packing's name is added if no other file of its kind
+    is given. Raises InputError for files of an unknown schema, if there is no packing, for products
+    of another packing than the given ones, and for two files of the same kind.
     """
     kinds = {Path(path): kind_of(path) for path in paths}
     cases: list[Case] = []
@@ -240,7 +240,7 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
 
 
 def _add_packing(cases: list[Case], kind: str, path: Path) -> None:
-    """Add a packing to the cases: a new case, or the sample of a network that is there."""
+    """Add a packing to the cases: as a new case, or as the sample of an existing network."""
     digest = packing_of(path)[0].sha256
     exported = []
     for case in cases:
@@ -256,8 +256,8 @@ def _add_packing(cases: list[Case], kind: str, path: Path) -> None:
 def kind_of(path: str | Path) -> str:
     """Return the kind of product that a file is, by its schema.
 
-    Modes are of several kinds, by the choice of modes; signals too, by the direction of the wall
-    and the program that recorded them. Raises InputError for an unknown schema.
+    There are several kinds of modes, by the choice of modes, and several kinds of signals, by the
+    direction of the wall and the recording program. Raises InputError for an unknown schema.
     """
     with open_h5(path) as file, complete(path):
         attributes = {name: str(text) for name, text in read_attributes(file).items()}
@@ -290,7 +290,7 @@ def _kind_of_modes(path: str | Path, choice: mode_set.Choice) -> str:
 
 
 def _kind_of_signals(attributes: dict[str, str], has_both_walls: bool) -> str:
-    """Return the kind of a file with signals: of wall to wall, or of any other wave."""
+    """Return the kind of a file with signals: from wall to wall, or of another wave."""
     direction = attributes.get("direction", "z")
     is_from_wall = attributes.get("source", "wall") in signals.WALL_SOURCES
     if not is_from_wall or direction == signals.TORSION or not has_both_walls:
@@ -303,7 +303,7 @@ def _kind_of_signals(attributes: dict[str, str], has_both_walls: bool) -> str:
 
 
 def owner_of(path: Path, cases: list[Case]) -> Case:
-    """Return the case from whose packing a product was made; the only case for unknown origin.
+    """Return the case from whose packing a product was made; of unknown origin, the only case.
 
     Raises InputError if it was made from none of the packings.
     """
@@ -328,9 +328,10 @@ def owner_of(path: Path, cases: list[Case]) -> Case:
 
 
 def _add_products_beside(case: Case, given: set[Path]) -> None:
-    """Add the products that lie beside a packing under its name.
+    """Add the products in a packing's folder that have the packing's name.
 
-    Products of another packing and damaged ones are left out: nobody has named them.
+    Products of another packing and damaged ones are left out without an error, because the user did
+    not name them.
     """
     path = case.packing_path
     stem = _stem(path)
@@ -351,7 +352,7 @@ def _add_products_beside(case: Case, given: set[Path]) -> None:
 
 
 def _add_file(case: Case, kind: str, path: Path) -> None:
-    """Add a file to a case; InputError if the case has one of this kind."""
+    """Add a file to a case; InputError if it already has this kind."""
     assert case.files is not None
     if kind in case.files:
         raise InputError(

@@ -63,7 +63,7 @@ number, so that a number of so many digits comes back as it was."""
 
 
 class Cell(NamedTuple):
-    """A number of a case in a column: value, error, and the error's part common to all packings.
+    """A number of a case in a column: value, error, and part of the error common to all packings.
 
     All are in the unit of the column, and NaN if not known. The error of an exact number is NaN.
     """
@@ -139,7 +139,7 @@ def _times(number: float, factor: float) -> float:
 
 
 def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
-    """Return the program whose records are compared, and the columns of this program.
+    """Return the program whose records are used, and the columns of this program.
 
     `{record}` in the names of `columns` stands for the program.
 

@@ -21,7 +21,7 @@ MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "respons
 
 @cached_on_packing
 def measure_result(packing: PackingData) -> CaseResult:
-    """Measure all that a case's products allow, each quantity once."""
+    """Measure all quantities that a case's products allow, each of them once."""
     case = packing.case
     result = empty_result(packing)
     add_quantities(result, packing, records.OF_CASE)
@@ -42,7 +42,7 @@ def measure_result(packing: PackingData) -> CaseResult:
 
 
 def empty_result(packing: PackingData) -> CaseResult:
-    """Return a result of a case without any values as yet."""
+    """Return a result of a case that has no values yet."""
     friction = packing.mu_comp
     if packing.crystal:
         friction = 0.0
@@ -64,7 +64,7 @@ def empty_result(packing: PackingData) -> CaseResult:
 def add_quantities(result: CaseResult, packing: PackingData, names: Iterable[str]) -> None:
     """Measure quantities of a packing by name, and add them to its result.
 
-    Those of S-waves and of moduli are left out if their files do not exist.
+    Quantities of S-waves and of moduli are left out if their files do not exist.
     """
     thresholds = {name: key for key, (name, _) in LOW_PASS.items()}
     recorded = {"", *packing.shear}

@@ -1,9 +1,10 @@
-"""Hold what has been measured of a case.
+"""Hold the measured values of a case.
 
-A `CaseResult` holds values with their errors, and curves, but none of the case's files: a whole
-study fits into memory, and its cases are measured side by side. `analysis.result_file` writes and
-reads it as a file; whatever is made of several cases is made of these files alone, so that a clone
-of the project makes it in seconds, without any product.
+A `CaseResult` holds values with their errors, and curves, but not the contents of the case's files:
+therefore a whole study fits into memory, and its cases can be measured in parallel.
+`analysis.result_file` writes and reads results as files. Tables and figures of several cases are
+made from these files alone, so that a clone of the project makes them in seconds, without any
+product.
 
 Values are those of `measure`, in SI units. Tables and studies see them as columns, whose names and
 units are those of the paper's tables (`CaseResult.columns`).
@@ -23,7 +24,7 @@ from analysis.value import Value
 
 @dataclass
 class CaseResult:
-    """What has been measured of one case.
+    """The measured values of one case.
 
     Attributes
     ----------
@@ -38,10 +39,10 @@ class CaseResult:
     record : str
         "yade", or "linear" if there is no recorded run.
     unsettled : str
-        Why the packing does not count as being at rest; empty if it does.
+        Why the packing does not count as being at rest; empty for a packing at rest.
     values : dict of str to Value
-        Values in SI units by quantity. A value without unit is in that of its column, which is then
-        its name.
+        Values in SI units by quantity. A value without unit has the unit of its column, which is
+        then its name.
     samples : dict of str to float
         Standard deviation over packings of other seeds, by column and in its unit.
     packings : int
@@ -52,10 +53,10 @@ class CaseResult:
         Arrays by name, in SI units; of a quantity over frequency: frequencies, values, errors.
     texts : dict of str to str
     absent : list of str
-        Kinds of files that are not there.
+        Kinds of files that do not exist.
     notes : list of str
     state : bool
-        Whether it is a state during a compression, which is no case.
+        Whether it is a state during a compression, not a case.
     tables : dict of str to list of lines
         Cells of text by the name of a table.
     provenance : list of lines
@@ -102,7 +103,7 @@ class CaseResult:
         return paper_column(quantity, unit)
 
     def value(self, column: str) -> float:
-        """Return a number by its column; NaN if it is not known."""
+        """Return the number in a column; NaN if it is not known."""
         cells = self.columns
         if column not in cells:
             return np.nan
@@ -127,8 +128,8 @@ class CaseResult:
 def scatter_of_samples(packings: Sequence[CaseResult]) -> dict[str, float]:
     """Compute the standard deviation of each column of the first packing over all packings.
 
-    The packings are those of one case, of different seeds. Quantities of records are compared by
-    one program. Empty for a single packing.
+    The packings are those of one case, of different seeds. All quantities of records are those of
+    the same program. Empty for a single packing.
     """
     producers = [packing.record for packing in packings]
     columns = [packing.columns for packing in packings]

@@ -1,4 +1,4 @@
-"""Tell what to know before a number is quoted: a code with its numbers, and one table of texts.
+"""Describe caveats on a number: a code with its numbers, and one table of texts.
 
 Programs and tests compare codes and numbers. The sentence for people is made from them where it is
 printed, so that a text can be improved without changing what a program does.
@@ -108,7 +108,7 @@ TEXTS: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Caveat:
-    """A fact to know before a number is quoted.
+    """A caveat: a fact to know before a number is quoted.
 
     `str()` of it is its sentence.
 
@@ -117,8 +117,8 @@ class Caveat:
     code : str
         A key of `TEXTS`, or the code of a refusal.
     values : mapping
-        Numbers and names in the text. That of a refusal, or of a remark made elsewhere, stands
-        under "text".
+        Numbers and names in the text. The text of an error, or of a remark from elsewhere, has the
+        key "text".
 
     Examples
     --------
@@ -140,7 +140,7 @@ class Caveat:
         return TEXTS[self.code].format(**self.values)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the code, the numbers and names, and the sentence, as JSON has them."""
+        """Return the code, the numbers and names, and the sentence, for JSON."""
         values = {name: value for name, value in self.values.items() if name != "text"}
         return {"code": self.code, "values": plain(values), "text": str(self)}
 
@@ -149,5 +149,5 @@ class Caveat:
 
 
 def refusal(error: InputError) -> Caveat:
-    """Return the caveat of a number that is refused."""
+    """Return an error as the caveat of the number that it prevented."""
     return Caveat(error.code, {"text": str(error)})

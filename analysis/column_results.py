@@ -1,4 +1,4 @@
-"""Read the values of results of the first version, which have them by column."""
+"""Read results of the first version, which store values by column."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMN_FIELDS = {"value": float, "error": float, "common": float}
 
 
 def add_columns(result: CaseResult, values: Mapping[str, Any]) -> None:
-    """Add the values of a file that has them by column, in SI units.
+    """Add the values of a file that stores them by column, converted to SI units.
 
     If all columns are names of quantities, they are in SI units already. Columns of quantities that
     are no longer measured have their unit in the name, or keep their name without a unit.

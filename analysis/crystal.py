@@ -1,9 +1,9 @@
 """Compare a crystal's quantities by theory, eigenmodes, linear wave and YADE.
 
-Theory, modes and the linear wave are those of the springs, without the pre-stress of the contacts;
-how much pre-stress changes V_P has a row of its own. The linear wave is cut where the run ends. If
-a rule reads a quantity from a record, the column of theory has what the rule reads from the exact
-lattice's signals.
+Theory, modes and the linear wave use the springs, without the pre-stress of the contacts; the
+effect of pre-stress on V_P has its own row. The linear wave is cut at the end of the run. If a rule
+reads a quantity from a record, the same rule is applied to the exact lattice's signals for the
+column of theory.
 """
 
 import csv
@@ -39,7 +39,7 @@ Numbers = dict[str, float]
 
 
 def compare(packing: PackingData) -> list[list[str]]:
-    """Return the rows of a crystal's table: id, quantity, unit, the cells of `COLUMNS`, note.
+    """Return the rows of a crystal's table: ID, quantity, unit, the cells of `COLUMNS`, note.
 
     Rows without any number are left out.
     """
@@ -98,7 +98,7 @@ def _by_theory(packing: PackingData) -> Numbers:
 
 
 def _highest_frequency(network: Network) -> float:
-    """Return the highest natural frequency of the endless crystal, Hz, by its own springs."""
+    """Return the highest natural frequency of the endless crystal, Hz, from its springs."""
     pair = ~network.with_wall
     tangential = float(np.median(network.stiffness_tangential[pair]))
     lever = float(np.median(np.linalg.norm(network.branch[pair], axis=1))) / 2
@@ -120,7 +120,7 @@ def _by_modes(packing: PackingData) -> Numbers:
 
 
 def _by_wave(packing: PackingData, key: Producer) -> Numbers:
-    """Return the numbers of `TABLE` that the wave of a record gives."""
+    """Return the numbers of `TABLE` that follow from a recorded wave."""
     numbers = {
         "arrival": _arrival_velocity(packing, key),
         "off_theory": _deviation_from_theory(packing, chain(packing, key)),

@@ -1,4 +1,4 @@
-"""Explain how a value comes about: the steps that led to it, and the parts of its error.
+"""Explain how a value was obtained: the steps that led to it, and the parts of its error.
 
 A step is a window over a record, a fit, or a limit, with its numbers and the code of its outcome.
 The sentences are made from these where they are printed: `OUTCOMES` and `NUMBERS` hold the texts of
@@ -78,7 +78,7 @@ WAVE_ENDS: Final[Mapping[str, str]] = {
 
 
 class NumberMeaning(NamedTuple):
-    """What a number of a step is, and its SI unit; no unit for a pure number."""
+    """The meaning of a number in a step, and its SI unit; no unit for a pure number."""
 
     text: str
     unit: str = ""
@@ -238,9 +238,9 @@ class Step:
 def limit_step(
     numbers: Mapping[str, float], number: str, limit: str, *, least: bool = False
 ) -> Step:
-    """Return the step that compares two of its numbers: `number` must be at most `limit`.
+    """Return a step that compares two of its numbers: `number` must be at most `limit`.
 
-    With `least`, it must be at least `limit`. Both are keys of `numbers`.
+    With `least`, `number` must be at least `limit`. Both are keys of `numbers`.
 
     >>> limit_step({"change": 0.2, "limit": 0.1}, "change", "limit").outcome
     'exceeded'
@@ -258,7 +258,7 @@ def limit_step(
 
 
 class UnreadableError(UnavailableError):
-    """Raised if a number cannot be read from a record or a spectrum, with the steps until there."""
+    """Raised if a number cannot be read from a record or spectrum; it has the steps so far."""
 
     def __init__(self, code: str, problem: str, steps: Sequence[Step]) -> None:
         super().__init__(code, problem)
@@ -274,7 +274,7 @@ class Explanation:
     Attributes
     ----------
     text : str
-        The value as it is printed, or "not known".
+        The printed value, or "not known".
     value, error : float or ndarray (n,)
         In `unit`.
     unit : str
@@ -295,7 +295,7 @@ class Explanation:
     caveats: Sequence[Caveat]
 
     def as_json(self) -> dict[str, Any]:
-        """Return all fields as JSON has them; parts and caveats come with their meanings."""
+        """Return all fields for JSON; parts and caveats come with their meanings."""
         return {
             "value": plain(self.value),
             "error": plain(self.error),
@@ -315,7 +315,7 @@ class Explanation:
         return "\n".join(lines)
 
     def _step_texts(self) -> list[str]:
-        """Return a line of text for each step; one line that says so if there are none."""
+        """Return a line of text for each step; one line saying so if there are none."""
         if self.steps:
             return [str(step) for step in self.steps]
         if np.isfinite(self.value).any():
@@ -325,7 +325,7 @@ class Explanation:
     def _part_texts(self) -> list[str]:
         """Return a line of text for each known part of the error.
 
-        Of an array the largest number is shown.
+        For an array the largest number is shown.
         """
         texts = []
         for name, part in self.parts.items():
@@ -346,7 +346,7 @@ def _lines(title: str, texts: Sequence[str]) -> list[str]:
 
 
 def _number_text(number: float, unit: str, digits: int = ERROR_DIGITS) -> str:
-    """Return a number with its unit, with this many significant digits."""
+    """Return a number with its unit, with `digits` significant digits."""
     if unit in ("", "1"):
         return f"{number:.{digits}g}"
     return quantity(number, unit, digits)

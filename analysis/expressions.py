@@ -1,4 +1,4 @@
-"""Evaluate expressions in a study's data: sums and comparisons of named numbers, nothing else.
+"""Evaluate expressions in a study's data, which are limited to arithmetic and comparisons.
 
     friction + 0.1                                     a setting of a case
     100 * (v_p / v_p_theory - 1)                       a column of a table
@@ -61,7 +61,7 @@ WORDS_FOR = {"dict": "lines NAME: VALUE", "list": "a list"}
 
 
 class UnknownNameError(InputError):
-    """Raised for a name in an expression that stands for no number."""
+    """Raised for a name in an expression that is not defined."""
 
 
 def evaluate(
@@ -71,7 +71,7 @@ def evaluate(
 ) -> Value:
     """Return the value of an expression of `names`, which may call `functions`.
 
-    Without `functions` those of `FUNCTIONS` may be called. Raises InputError if the text is no
+    Without `functions` those of `FUNCTIONS` may be called. Raises InputError if the text is not an
     expression, or if its value cannot be computed, and UnknownNameError for a name that is not in
     `names`.
 
@@ -96,7 +96,7 @@ def evaluate(
 
 
 def parse(text: object) -> ast.expr:
-    """Return the tree of an expression; InputError if it is too long or deep, or no expression."""
+    """Return the tree of an expression; InputError if it is too long, too deep or invalid."""
     if not isinstance(text, str):
         raise InputError("expression", f"{short(text)}: is no text", remedy="write an expression")
     if len(text) > MAX_LENGTH:
@@ -130,7 +130,7 @@ def names_in(text: str) -> set[str]:
 
 
 def short(value: object, length: int = 60) -> str:
-    """Return a value as it stands in one line of an error: cut, without control characters.
+    """Return a value for one line of an error message: cut, without control characters.
 
     >>> short("a\\nb"), short("abcdef", 4)
     ('a b', 'abc...')
@@ -220,7 +220,7 @@ class _Evaluation:
         raise self._refusal(node, "neither true nor false")
 
     def _joined(self, join: Callable[[Value, Value], Value], values: list[Value]) -> Value:
-        """Return several truth values joined to one by `join`, as by `and` or `or`."""
+        """Return several truth values combined by the function `join`, for `and` or `or`."""
         first, *others = values
         for value in others:
             first = join(first, value)
@@ -303,7 +303,7 @@ class _Evaluation:
     def _refusal(
         self, node: ast.expr, reason: str = "may not stand in an expression"
     ) -> InputError:
-        """Return the error for a part of the tree that may not stand in an expression."""
+        """Return the error for a part of the tree that is not allowed in an expression."""
         part = short(ast.get_source_segment(self.text.strip(), node) or type(node).__name__)
         return InputError(
             "expression",

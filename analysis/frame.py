@@ -1,4 +1,4 @@
-"""Hold the cases of a study, or of a call, as one line each; evaluate expressions of their numbers.
+"""Hold the cases of a study in a frame, one line each; evaluate expressions of their numbers.
 
 Also fit a power law within each group over its stresses, and how the powers change with void ratio.
 """
@@ -25,14 +25,14 @@ NO_COLUMN = "unknown"
 def frame_of(rows: Iterable[CaseResult], cases: pd.DataFrame | None = None) -> pd.DataFrame:
     """Return the study's cases, one line each, with all numbers; NaN if a case has no result.
 
-    Besides the columns of `cases`, which say what a study states of each case, there are: `there`,
-    whether the case has a result; words of the result (`record`, `group`, `unsettled`, ...) and the
-    `row` itself; each quantity, `QUANTITY_error`, the part of the error that all packings share,
-    `QUANTITY_common`, the larger of error and scatter of samples, `QUANTITY_spread`, and
-    `QUANTITY_sample_error`; `plateau_NAME`.
+    The columns of `cases` are the settings of the study. Further columns are `there`, whether the
+    case has a result; words of the result (`record`, `group`, `unsettled`, ...); the `row` itself;
+    and `plateau_NAME`. For each quantity there are `QUANTITY`, `QUANTITY_error`, `QUANTITY_common`
+    (part of the error that all packings share), `QUANTITY_spread` (the larger of error and scatter
+    of samples) and `QUANTITY_sample_error`.
 
-    States that are no cases have their numbers beside all cases of their compression, with their
-    stress in the name: `void_ratio_at_1_kpa`; those of the lowest stress also as
+    The numbers of other states of a compression are columns of all cases of this compression, with
+    the state's stress in the name: `void_ratio_at_1_kpa`; those of the lowest stress also as
     `void_ratio_of_state`, `state_kpa`, ...
     """
     rows = list(rows)
@@ -51,7 +51,7 @@ def frame_of(rows: Iterable[CaseResult], cases: pd.DataFrame | None = None) -> p
 
 
 def _cases_of(rows: Iterable[CaseResult]) -> pd.DataFrame:
-    """Return what results say of their cases: kind, friction, stress."""
+    """Return kind, friction and stress of each case, from the results."""
     lines = {}
     for row in rows:
         kind = "random"
@@ -101,7 +101,7 @@ def _line(row: CaseResult) -> dict[str, Any]:
 def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
     """Return the cases for which an expression of columns is true; all for an empty text.
 
-    Raises InputError for an expression that is not true or false of each case.
+    Raises InputError for an expression that is not true or false for each case.
     """
     if text == "":
         return frame
@@ -119,7 +119,7 @@ def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
 def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
     """Return a quantity of each case, or an expression of quantities; NaN if it is not known.
 
-    Raises InputError for an expression that is no number.
+    Raises InputError for an expression that does not give a number.
     """
     unknown = pd.Series(np.nan, frame.index)
     if isinstance(text, str) and text in frame.columns:
@@ -149,8 +149,8 @@ def spreads(frame: pd.DataFrame, text: str) -> pd.Series:
 def mean_with_error(cases: pd.DataFrame, text: str) -> tuple[float, float]:
     """Return the mean of a quantity, or of an expression, over cases, and its error.
 
-    The rule is that of `measure` over packings. NaN if no case has the quantity; an unknown error
-    of a case counts as zero.
+    Errors are combined as `measure` does over several packings. NaN if no case has the quantity; an
+    unknown error of a case counts as zero.
     """
     value = numbers(cases, text)
     known = np.isfinite(value)
@@ -221,7 +221,7 @@ def runs(cases: Iterable[int]) -> str:
 
 
 def missing(frame: pd.DataFrame, text: str) -> str:
-    """Say which numbers a quantity lacks in these cases."""
+    """Return a text that lists the cases without a number for a quantity."""
     texts = []
     without_result = frame[~frame["there"]]
     if len(without_result):
@@ -239,11 +239,11 @@ def missing(frame: pd.DataFrame, text: str) -> str:
 
 
 class GroupPower(NamedTuple):
-    """The power law of one group.
+    """A power law fitted within one group of cases.
 
     e: void ratio. power, error: exponent and its standard error. cases: number of its cases with a
-    value. moving: whether the state of the void ratio has not settled. whole: whether every case of
-    the group has a value.
+    value. moving: whether the state that gave the void ratio had not settled. whole: whether every
+    case of the group has a value.
     """
 
     e: float
@@ -263,9 +263,9 @@ class Powers:
     table : DataFrame
         A line for each group, sorted by void ratio, with the columns of `GroupPower`.
     which_e : str
-        States to which the void ratios belong.
+        Description of the states that gave the void ratios.
     whole : bool
-        Whether no group and no case of any is missing.
+        Whether no group, and no case of a group, is missing.
     """
 
     table: pd.DataFrame
@@ -274,7 +274,7 @@ class Powers:
 
     @property
     def trend(self) -> tuple[float, float]:
-        """Return the slope of the exponents over void ratio, by least squares, and its error.
+        """Return the slope of the exponents against void ratio, by least squares, and its error.
 
         Both are NaN if unknown.
         """

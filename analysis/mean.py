@@ -10,12 +10,12 @@ from modal.tools.arrays import Array, Floats
 
 
 def mean_of_values(values: Sequence[Value]) -> Value:
-    """Return the mean of a quantity over packings that have it, with its error and their scatter.
+    """Return the mean of a quantity over the packings that have it, with error and scatter.
 
     Arrays are interpolated at the frequencies of the first packing; the mean is NaN where another
-    packing has no frequencies. Samples may agree by chance: the error of the mean is at least that
-    which follows from the errors of the values. The part of an error that all packings share does
-    not become smaller in the mean: the largest one is kept.
+    packing has no frequencies. Samples may agree by chance; therefore the error of the mean is
+    never smaller than the one propagated from the errors of the values. The part of an error that
+    all packings share does not decrease in the mean: the largest one is kept.
     """
     first = values[0]
     shape = np.shape(first.value)
@@ -44,7 +44,7 @@ def _grid_of(value: Value) -> Array:
 
 
 def _independent_square(value: Value) -> Any:
-    """Return the square of the error that is left without the part that all packings share."""
+    """Return the squared error without the part that all packings share."""
     return value.error**2 - value.parts.get(COMMON, 0.0) ** 2
 
 

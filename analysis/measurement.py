@@ -37,7 +37,7 @@ class Measurement(dict[str, Value]):
     Attributes
     ----------
     state : mapping
-        Properties that samples of one state have in common (`analysis.same_state`).
+        Properties that all samples of the same state have in common (`analysis.same_state`).
     """
 
     def __init__(self, values: Mapping[str, Value], state: State | None = None) -> None:
@@ -56,7 +56,7 @@ class Measurement(dict[str, Value]):
     def to_pandas(self) -> "pd.DataFrame":
         """Return value, error, unit and caveats of each quantity as a pandas DataFrame.
 
-        Values over frequency stand in one cell, as arrays.
+        Values at several frequencies are an array in one cell.
         """
         pandas = load_optional("pandas", "tables")
         rows = []
@@ -69,7 +69,7 @@ class Measurement(dict[str, Value]):
     def to_xarray(self) -> "xr.Dataset":
         """Return the values as an xarray Dataset, with error, unit and caveats in `attrs`.
 
-        Values over frequency have a dimension of their own.
+        Values at several frequencies have their own dimension.
         """
         xarray = load_optional("xarray", "labelled arrays")
         variables = {}
@@ -129,21 +129,21 @@ def measure(
     keep: str | Path | None = None,
     amplitudes: Sequence[float] = (),
 ) -> Measurement:
-    """Measure a packing: what it is, how fast, how far and up to which frequency waves go.
+    """Measure a packing: its state, and velocity, attenuation and frequency limits of its waves.
 
     Parameters
     ----------
     packing : Network, Sample, Case, str or Path
-        A network, a sample, or a file of either; a case has further files.
+        A network, a sample, or a file with one of them; a case may have further files.
     *records : Signals, str or Path
-        Waves that were recorded in it; without any the linear wave of its contacts is computed.
+        Waves that were recorded in the packing; without any, the linear wave is computed.
     quantities : str or sequence of str, optional
-        Names of `analysis.quantities.QUANTITIES`, by default all but those that are measured on
-        request; `QUICK` has those that take one wave or less.
+        Names of `analysis.quantities.QUANTITIES`, by default all except those that are measured
+        only on request; `QUICK` are those that take one wave or less.
     source : Motion, optional
         Motion of the wall that sends the computed wave, m; by default a pulse of 0.33 V / D.
     keep : str or Path, optional
-        A folder for costly spectra, which a later call finds there.
+        A folder in which costly spectra are stored, and from which a later call reads them.
     amplitudes : sequence of float, optional
         Amplitudes of pulses through a sample, m, over which the quantities of `AMPLITUDE` are
         measured. Without `quantities` only these are measured.
@@ -151,9 +151,8 @@ def measure(
     Returns
     -------
     Measurement
-        A `Value` by name: `value` and `error` in SI units, `unit`, and `caveats`, sentences on what
-        the number leaves open. If a quantity cannot be measured, its value is NaN and a caveat says
-        why.
+        A `Value` by name: `value` and `error` in SI units, `unit`, and `caveats`, the limits of the
+        number. If a quantity cannot be measured, its value is NaN and a caveat says why.
 
     Raises
     ------
@@ -211,7 +210,7 @@ def _read_record(record: Signals | str | Path) -> Signals:
 def _requested_names(
     quantities: str | Sequence[str] | None, amplitudes: Sequence[float]
 ) -> list[str]:
-    """Return the names of the quantities to measure, each of them known."""
+    """Return the names of the quantities to measure; raise InputError for an unknown one."""
     if isinstance(quantities, str):
         quantities = [quantities]
     if quantities:
@@ -228,10 +227,10 @@ def _requested_names(
 class MeasuredFiles(NamedTuple):
     """The measurements of several files, and their mean.
 
-    found: measurement of each file that could be measured, by its path. mean: mean over them; None
-    for a single packing. differences: properties in which packings are not samples of one state; if
-    there are any, no number of the mean is known. refused: why a file could not be measured, by its
-    path.
+    found: measurement of each file that could be measured, by path. mean: mean over them; None for
+    a single packing. differences: properties that show that the packings are not samples of the
+    same state; if there are any, all numbers of the mean are unknown. refused: why a file could not
+    be measured, by its path.
     """
 
     found: dict[str, Measurement]
@@ -263,15 +262,15 @@ def measure_files(
     """Measure each packing among the files, and their mean if there are several.
 
     Files with recorded waves replace the linear waves of their packing. Files with the density of
-    states, the structure factor or the moduli are used if they lie beside the packing under its
-    name. If a file cannot be measured, the others are.
+    states, the structure factor or the moduli are used if they are in the packing's folder and have
+    the packing's name. If a file cannot be measured, the others are still measured.
 
     Parameters
     ----------
     paths : sequence of str
         Packings and recorded waves.
     say : callable
-        Called with each note that a reader should know.
+        Function that is called with each note for the user.
     **options
         Keyword arguments of `measure`.
 
@@ -325,7 +324,7 @@ def _kinds_of(paths: Sequence[str]) -> tuple[dict[str, str], dict[str, InputErro
 
 
 def mean_of(measurements: Sequence[Measurement]) -> Measurement:
-    """Return the mean of each quantity over samples of one state.
+    """Return the mean of each quantity over samples of the same state.
 
     A quantity that is known for one packing only keeps its value and its error.
     """

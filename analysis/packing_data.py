@@ -1,6 +1,6 @@
-"""Hold a packing with its waves; whatever quantities share is computed on first use and kept.
+"""Hold a packing with its waves; results that several quantities use are computed once.
 
-All settings follow from the packing and have no unit: the pulse scales with V / D, the lines of
+All settings scale with the packing: the frequency of the pulse with V / D, the width of lines in
 spectra with the highest frequency. If spheres are ten times smaller, the pulse is ten times
 shorter, and all dimensionless results are the same.
 """
@@ -65,8 +65,8 @@ def cached_on_packing(
     """Compute a result once for each packing and set of arguments, and keep it on the packing.
 
     The decorated function has the signature of the function. The key of a result is the function
-    with its arguments by name, defaults included: it does not matter how they are passed. Arguments
-    must be hashable.
+    with its arguments by name, defaults included: passing them by position or by name makes no
+    difference. Arguments must be hashable.
     """
     signature = inspect.signature(function)
 
@@ -86,7 +86,7 @@ def cached_on_packing(
 
 @dataclass(eq=False)
 class PackingData:
-    """One packing with its recorded waves; what is missing is computed from the contacts.
+    """One packing with its recorded waves; missing waves are computed from the contacts.
 
     Attributes
     ----------
@@ -105,7 +105,8 @@ class PackingData:
     amplitudes : sequence of float, m
         Amplitudes of these waves.
     stated : dict
-        Lower and upper value that a study states for a quantity, by its name; figures show them.
+        Lower and upper published value of a quantity that a study states, by name; figures show
+        them.
     not_kept : dict of str to Caveat
         Why a spectrum could not be written into `keep`, by its kind.
     linear_record : Signals, optional
@@ -141,7 +142,7 @@ class PackingData:
 
     @cached_property
     def crystal(self) -> bool:
-        """Tell whether the packing is an FCC crystal between walls."""
+        """Whether the packing is an FCC crystal between walls."""
         return self.walls and is_fcc(self.network)
 
     @cached_property
@@ -162,7 +163,7 @@ class PackingData:
 
     @property
     def walls(self) -> bool:
-        """Tell whether there are two walls along z, flat or of held spheres."""
+        """Whether there are two walls along z, flat or of held spheres."""
         return has_two_ends(self.network)
 
     def require_walls(self) -> None:
@@ -197,9 +198,9 @@ class PackingData:
 
     @cached_property
     def unsettled(self) -> str:
-        """Return why the packing does not count as being at rest; empty if it does.
+        """Return why the packing does not count as being at rest; empty for a packing at rest.
 
-        Three different stresses are no fault after a triaxial or an oedometric compression.
+        Three different stresses are allowed after a triaxial or an oedometric compression.
         """
         stress = np.nan
         anisotropic = {"stress_ratio", "oedometric"} & set(self.network.study)
@@ -240,9 +241,7 @@ class PackingData:
         """Return the full width of a single mode's line in spectra, Hz, rounded to three digits.
 
         The highest frequency, to which the width is proportional, is a bound from an iteration, so
-        that further digits mean nothing.
-
-        An iteration bounds the highest frequency, so that further digits mean nothing.
+        that further digits have no meaning.
         """
         bound = LinearSystem.of(self.network).spectral_bound
         if not bound > 0:
@@ -264,14 +263,14 @@ class PackingData:
 
     @cached_property
     def of_one_sample(self) -> tuple[Caveat, ...]:
-        """Return the caveats that hold for every quantity of this one packing."""
+        """Return the caveats that apply to every quantity of this single packing."""
         if self.crystal:
             return ()
         return caveats_of_state(self.network, self.unsettled)
 
     @cached_property
     def of_waves(self) -> tuple[Caveat, ...]:
-        """Return the caveats of what is read from waves, which a narrow packing guides."""
+        """Return the caveats of quantities read from waves: a narrow packing guides waves."""
         if self.crystal or self.width >= MIN_WIDTH_IN_DIAMETERS:
             return self.of_one_sample
         return (*self.of_one_sample, Caveat("narrow", {"width": self.width}))
@@ -280,7 +279,7 @@ class PackingData:
     def records(self) -> list[Signals]:
         """Return the recorded waves, each of them checked; S-waves by YADE come first.
 
-        What a reader of files should know about them is added to the notes of the case.
+        Remarks on the files are added to the notes of the case.
         """
         if self.given is not None:
             return [record for record in self.given if record.from_wall_to_wall]
@@ -329,7 +328,7 @@ class PackingData:
 
     @cached_property
     def shear(self) -> dict[str, Signals]:
-        """Return the first recorded S-wave of each producer, by its name."""
+        """Return the first recorded S-wave of each program, by the program's name."""
         records: dict[str, Signals] = {}
         for record in self.records:
             if record.direction != "z":
@@ -368,8 +367,8 @@ class PackingData:
     ) -> Signals:
         """Compute the linear wave of the contacts.
 
-        A P-wave beside a record has the motion and the times of the record, or every second,
-        third ... of them. An S-wave is recorded for longer, because it is slower.
+        If there is a record, a computed P-wave has its source motion and its times, or every
+        second, third ... of these. An S-wave is recorded for longer, because it is slower.
 
         Parameters
         ----------
@@ -412,10 +411,10 @@ class PackingData:
         return self._answer_to_pulse(self.linear_wave("x"))
 
     def _answer_to_pulse(self, record: Signals) -> Signals:
-        """Return a record as if its source had sent a pulse, as rules on amplitudes need.
+        """Return the record that a pulse of the source would give, for rules that use amplitudes.
 
-        Its length is at most that of a computed wave, because the error from what the record's end
-        cuts off grows towards the end.
+        Its length is at most that of a computed wave, because the truncation error grows towards
+        the end.
         """
         self.require_walls()
         motion = recorded_motion(record)
@@ -446,7 +445,7 @@ class PackingData:
 
     @cached_on_packing
     def cut(self, key: str) -> Signals:
-        """Return a P-wave, cut when the affine wave has come a third of the way back.
+        """Return a P-wave, cut when the reflected affine wave has come a third of the way back.
 
         The record of a run is returned in full; the linear wave of the same packing is cut where
         the run ends.

@@ -37,7 +37,7 @@ def friction_of_compression(network: Network) -> float:
 
 
 def caveats_of_state(network: Network, unsettled: str) -> tuple[Caveat, ...]:
-    """Return the caveats that hold for every quantity of one random packing.
+    """Return the caveats that apply to every quantity of one random packing.
 
     `unsettled` is the text of `why_unsettled`.
     """
@@ -60,18 +60,18 @@ def caveats_of_state(network: Network, unsettled: str) -> tuple[Caveat, ...]:
 def why_unsettled(network: Network, stress: float = np.nan) -> str:
     """Return which limits of a packing at rest are exceeded; empty if none, or without forces.
 
-    Stresses may differ from their target by what a preparation allows (`SETTLED`), net forces may
-    be twice as large as there: a preparation stops just below its limit, and forces that are
-    computed from positions are a little larger. A state whose preparation gave up before is marked
-    wherever one of its numbers is shown.
+    Stresses may differ from their target by the tolerance of a preparation (`SETTLED`). Net forces
+    may be twice as large as this tolerance: a preparation stops just below its limit, and forces
+    that are computed from positions are a little larger. A state whose preparation stopped earlier
+    is marked wherever one of its numbers is shown.
 
     Parameters
     ----------
     network : Network
         The packing.
     stress : float, Pa
-        Target of the three principal stresses; NaN without one, or with an axial target alone, as a
-        crystal has. If a limit is exceeded, the text includes the error of the walls' pressures.
+        Target of the three principal stresses; NaN if there is none, or only an axial target, as
+        for a crystal. If a limit is exceeded, the text includes the error of the walls' pressures.
     """
     if network.n_contacts == 0 or not state.has_forces(network):
         return ""

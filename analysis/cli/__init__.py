@@ -1,1 +1,1 @@
-"""The commands of `python -m analysis`: options of each beside what it does."""
+"""Define the commands of `python -m analysis`, each with its options."""

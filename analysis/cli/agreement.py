@@ -39,7 +39,7 @@ def run(options: Options) -> None:
 
 
 def _note_unknown_packing(path: str, packing: tuple[Source, ...]) -> None:
-    """Say if a run does not tell its packing; InputError if it was made from another one."""
+    """Print a note if a run does not name its packing; InputError if this is another packing."""
     note = require_same_packing(path, packing)
     if note:
         say(f"note: {note}")

@@ -1,4 +1,4 @@
-"""Draw one figure of the cases, or again from its own CSV."""
+"""Draw one figure of the cases, or redraw a figure from its own CSV."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ OPTIONS = [
 
 
 def run(options: Options) -> None:
-    """Draw into --output, then print what the cases' reader should know.
+    """Draw into --output, then print the notes on the cases.
 
     Raises InputError if files are missing or superfluous, or if the figure cannot be drawn.
     """

@@ -52,8 +52,8 @@ def parser(called: str = "") -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
 
-    The status is 0 if all is well; 2, with one line on stderr, for a user's mistake; and 3 if
-    something that was asked for is missing, which stderr has named.
+    The status is 0 if all is well; 2, with one line on stderr, for a user's mistake; and 3 if a
+    requested result is missing; stderr then names it.
     """
     words = sys.argv[1:] if argv is None else argv
     try:

@@ -54,7 +54,7 @@ OPTIONS = [
 
 
 def run(options: Options) -> int:
-    """Measure the packings and print; return 3 if a file or a requested quantity is not known.
+    """Measure the packings and print; return 3 if a file or a requested quantity fails.
 
     The status is 3 also if nothing at all is known.
     """
@@ -83,7 +83,7 @@ def run(options: Options) -> int:
 
 
 def _as_json(measured: MeasuredFiles, explained: bool) -> dict[str, Any]:
-    """Return what is printed as JSON: all values, or by file how each of them comes about."""
+    """Return all values, or the explanation of each by file, for JSON."""
     if not explained:
         return measured.as_json()
     by_file = {}
@@ -93,7 +93,7 @@ def _as_json(measured: MeasuredFiles, explained: bool) -> dict[str, Any]:
 
 
 def _explain(measurement: Measurement) -> str:
-    """Return how each quantity of a packing comes about."""
+    """Return the explanation of each quantity of a packing."""
     texts = []
     for name, value in measurement.items():
         texts.append(f"{name}: {QUANTITIES[name].definition}\n{value.explain()}")

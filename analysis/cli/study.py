@@ -1,4 +1,4 @@
-"""All results of a study: tables, figures, targets, a page, in seconds; or one of its stages."""
+"""Make all results of a study: tables, figures, targets and a page; or run one stage."""
 
 import textwrap
 from pathlib import Path

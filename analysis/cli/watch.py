@@ -15,7 +15,7 @@ OPTIONS = [
 
 
 def run(options: Options) -> None:
-    """Write the page, and say what its reader should know."""
+    """Write the page, and print the notes for its reader."""
     for note in watch_page(options.product, options.output, options.packing, options.modes):
         say(f"note: {note}")
     put(options.output)

@@ -1,1 +1,1 @@
-"""From signals, modes and networks to numbers; each rule on its own, without files."""
+"""Compute numbers from signals, modes and networks: one module for each rule, without files."""

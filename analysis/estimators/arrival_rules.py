@@ -1,4 +1,4 @@
-"""Travel time from one record to another, by the rules of laboratories.
+"""Read travel times from one record to another, by the rules of laboratories.
 
 Bender elements and piezo discs give two traces, that of the source and that of the receiver, and
 several rules to read a travel time from them. Each compares one property of both traces:
@@ -11,9 +11,9 @@ several rules to read a travel time from them. Each compares one property of bot
 
 (V. Jovicic, M. R. Coop and M. Simic, Geotechnique 46, 491, 1996; R. Arulnathan, R. W. Boulanger and
 M. F. Riemer, Geotech. Test. J. 21, 120, 1998; Y. Yamashita et al., Soils and Foundations 49, 729,
-2009). A pulse that is only delayed gives the same time by all of them. On its way through grains it
-also changes its shape, and near the source P- and S-motion overlap; each rule then has its own
-time, and an error that says by how much the rule itself is uncertain.
+2009). A pulse that is only delayed has the same travel time by all rules. In grains it also changes
+its shape, and near the source P- and S-motion overlap; each rule then gives another time, with an
+error that measures the uncertainty of the rule itself.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ class RecordPair:
     def of(cls, record: Signals, receiver: int = 0, source: int | None = None) -> RecordPair:
         """Return the motions of the source and of one of the receivers of a recorded wave.
 
-        Another receiver stands for the source if its number is given. UnavailableError if the wave
-        was not recorded at discs.
+        If the number of another receiver is given as `source`, this replaces the source. Raises
+        UnavailableError if the wave was not recorded at discs.
         """
         discs = record.disc_displacement
         if discs is None or not np.size(discs):
@@ -140,10 +140,10 @@ class RecordPair:
         return RecordPair(self.time[::2], self.source[::2], self.receiver[::2], self.frequency)
 
     def direct(self, periods: float = 0.0) -> RecordPair:
-        """Return the pair without what comes after the direct wave.
+        """Return the pair without motion after the direct wave.
 
-        The receiver's motion ends as long after its first major peak as that of the source, and is
-        faded out over half a period; `periods` are added before that.
+        The receiver's motion ends as long after its first major peak as the source's motion does
+        after its own; it is faded out over half a period. `periods` are added before that.
         """
         moving = abs(self.source) > END_LEVEL * abs(self.source).max()
         source_end = self.time[np.flatnonzero(moving)[-1]]
@@ -158,8 +158,8 @@ class RecordPair:
 class Points(NamedTuple):
     """Characteristic points of a trace, s; NaN for those that it does not have.
 
-    peak: the first major peak. crossing: the passage through zero after it. trough: the lowest
-    point after that.
+    peak: the first major peak. crossing: the passage through zero after the peak. trough: the
+    lowest point after the crossing.
     """
 
     peak: float
@@ -187,12 +187,12 @@ def _points(time: Floats, trace: Floats) -> Points:
 
 
 def _finite(times: Floats) -> Floats:
-    """Return the finite ones of some times, ascending; a piece that is zero has NaN for a root."""
+    """Return those times that are finite, ascending; an interval where a trace is zero gave NaN."""
     return np.sort(times[np.isfinite(times)])
 
 
 def _first_motion(time: Floats, trace: Floats, level: float) -> float:
-    """Return the time, s, at which a trace first exceeds a share of its largest; NaN if never."""
+    """Return the first time, s, at which a trace exceeds `level` times its maximum, or NaN."""
     largest = float(abs(trace).max())
     above = abs(trace) >= level * largest
     if not largest > 0 or above[0]:
@@ -208,7 +208,7 @@ def _first_motion(time: Floats, trace: Floats, level: float) -> float:
 def picks(pair: RecordPair, rule: Rule) -> tuple[float, float]:
     """Return the times of source and receiver, s, that a rule of single points compares.
 
-    NaN if a trace does not have the point, and for rules that compare whole traces.
+    The times are NaN if a trace does not have the point, and for rules that compare whole traces.
     """
     if rule == "first_arrival":
         return (
@@ -225,7 +225,7 @@ def picks(pair: RecordPair, rule: Rule) -> tuple[float, float]:
 
 
 class _Reading(NamedTuple):
-    """A travel time, s, the parts of its error, s, and what to know before it is quoted."""
+    """A travel time, s, the parts of its error, s, and its caveats."""
 
     time: float
     parts: dict[str, float]
@@ -233,7 +233,7 @@ class _Reading(NamedTuple):
 
 
 def _read_first_arrival(pair: RecordPair) -> _Reading:
-    """Read a travel time by first motions; the other levels give its error."""
+    """Read a travel time by first motions; other threshold levels give the error."""
     source, receiver = picks(pair, "first_arrival")
     times = []
     for level in OTHER_ARRIVAL_LEVELS:
@@ -245,7 +245,7 @@ def _read_first_arrival(pair: RecordPair) -> _Reading:
 def _read_zero_crossing(pair: RecordPair) -> _Reading:
     """Read a travel time by passages through zero.
 
-    Its error is the distance to the mean of the times by the extrema before and after it.
+    The error is the difference from the mean of the travel times of the extrema before and after.
     """
     source = pair.source_points
     receiver = pair.receiver_points
@@ -257,7 +257,7 @@ def _read_zero_crossing(pair: RecordPair) -> _Reading:
 def _read_peak_to_peak(pair: RecordPair) -> _Reading:
     """Read a travel time by first major peaks.
 
-    Its error is half the distance to the time by the troughs that follow, if there are any.
+    The error is half the difference from the travel time of the following troughs, if any.
     """
     source = pair.source_points
     receiver = pair.receiver_points
@@ -272,8 +272,8 @@ def _read_peak_to_peak(pair: RecordPair) -> _Reading:
 def _read_cross_correlation(pair: RecordPair) -> _Reading:
     """Read a travel time by the largest cross-correlation of the direct waves.
 
-    The error is that of a delay between traces of correlation rho, sqrt(1 / rho^2 - 1) / omega: one
-    trace is the other one, with a rest that is as large at any phase.
+    The error of a delay between traces of correlation rho is sqrt(1 / rho^2 - 1) / omega, if the
+    rest of one trace, which the other does not explain, is equally large at any phase.
     """
     delay, correlation, side_lobe = _delay(pair.direct())
     longer_delay = _delay(pair.direct(FADE_IN_PERIODS))[0]
@@ -286,7 +286,7 @@ def _read_cross_correlation(pair: RecordPair) -> _Reading:
 
 
 def _delay(pair: RecordPair) -> tuple[float, float, float]:
-    """Return the delay of the receiver, s, the correlation there, and the next maximum over it."""
+    """Return the delay of the receiver, s, its correlation, and the next maximum / this one."""
     step = float(pair.time[1] - pair.time[0])
     size = float(np.linalg.norm(pair.source) * np.linalg.norm(pair.receiver))
     if not size > 0:
@@ -309,16 +309,16 @@ def _delay(pair: RecordPair) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class PhaseDelays:
-    """Travel times over frequency, by the phase of the cross-spectrum of two traces.
+    """Travel times as a function of frequency, by the phase of two traces' cross-spectrum.
 
     Attributes
     ----------
     frequency : ndarray (nf,)
-        Frequencies at which the source moves, Hz.
+        Frequencies in the source's spectrum, Hz.
     phase : ndarray (nf,)
-        Phase by which the receiver lags, divided by omega, s: distance over the phase velocity.
+        Phase by which the receiver lags, divided by omega, s: distance divided by phase velocity.
     group : ndarray (nf,)
-        Its derivative, s: distance over the group velocity.
+        Derivative of this phase with respect to omega, s: distance divided by group velocity.
     """
 
     frequency: Floats
@@ -327,9 +327,10 @@ class PhaseDelays:
 
 
 def phase_delays(pair: RecordPair) -> PhaseDelays:
-    """Read the travel times over frequency of the direct wave of two traces.
+    """Read the travel times of the direct wave of two traces at each frequency.
 
-    The whole number of periods, which no phase has, is that of the largest cross-correlation.
+    The whole number of periods, which a phase does not show, follows from the largest
+    cross-correlation.
 
     Examples
     --------
@@ -343,7 +344,7 @@ def phase_delays(pair: RecordPair) -> PhaseDelays:
 
 
 def _phase_delays(pair: RecordPair) -> PhaseDelays:
-    """Read the travel times over frequency of two whole traces."""
+    """Read the travel times between two whole traces at each frequency."""
     delay = _delay(pair)[0]
     frequency = pair.frequency * np.linspace(*PHASE_BAND, PHASE_FREQUENCIES)
     source = _spectrum(pair.time, pair.source, frequency)
@@ -366,8 +367,8 @@ def _spectrum(time: Floats, trace: Floats, frequency: Floats) -> Complex:
 def _read_phase(pair: RecordPair) -> _Reading:
     """Read the travel time by the phase at the source's frequency.
 
-    Its error is the scatter of the phase about a straight line over the band, and the change with a
-    window that ends half a period later.
+    The error combines the scatter of the phase about a straight line over the band with the change
+    under a window that ends half a period later.
     """
     delays = _phase_delays(pair.direct())
     longer = _phase_delays(pair.direct(FADE_IN_PERIODS))
@@ -408,8 +409,9 @@ def travel_time(record: Signals | RecordPair, rule: Rule, *, receiver: int = 0) 
     Returns
     -------
     Value
-        Travel time, s, with its error; unknown, with a caveat that says why, if a trace does not
-        have what the rule reads. The distance of the transducers over it is a velocity.
+        Travel time, s, with its error. It is unknown, with a caveat that says why, if the rule
+        cannot be applied to a trace. The distance of the transducers divided by the time is a
+        velocity.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """Measure the coherent wave: wave number, attenuation and velocities from means over layers.
 
-Means over slabs average away most of what disorder scatters. Under a window exp(-eta t) the
-transform U(z, s), s = eta - i omega, of a wave that runs one way varies as exp(i q z): Re q is the
-wave number kappa, Im q the decay. The ratio of neighbouring layers gives exp(i q l), by least
-squares over a stretch that the reflected wave has not reached when the record is cut. The window
+Means over slabs remove most of the scattered motion. Under a window exp(-eta t) the transform U(z,
+s), s = eta - i omega, of a wave in one direction varies as exp(i q z): Re q is the wave number
+kappa, Im q the decay. The ratio of neighbouring layers gives exp(i q l), by least squares over a
+stretch of the packing that the reflected wave does not reach before the record is cut. The window
 adds eta divided by the group velocity to Im q, which is subtracted; to first order in eta it does
 not change kappa.
 """
@@ -45,7 +45,7 @@ layers for any wave."""
 
 @dataclass(frozen=True)
 class Coherent:
-    """The coherent wave over frequency; NaN above the frequency where it ends.
+    """The coherent wave as a function of frequency; NaN above the frequency where the wave ends.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Coherent:
     wavenumber, attenuation : ndarray (nf,)
         1/m.
     resolution : float
-        Hz. Values at frequencies that are closer to each other are not independent.
+        Resolution, Hz: values at frequencies that are closer to each other are not independent.
     ended_by : str
         The rule that ends the wave (`WaveEnd`).
     """
@@ -89,8 +89,8 @@ def coherent_wave(
     Parameters
     ----------
     signals : Signals
-        A record of layer means; without them, of a chain, whose distances must be equal. If it
-        contains the reflection, it is cut before, by the velocity of its first peaks.
+        A record of layer means; without them, of a chain, whose distances must be equal. It is cut
+        before the reflection, whose time follows from the velocity of first peaks.
     length : float
         From wall to wall, m.
     highest : float, optional
@@ -98,7 +98,7 @@ def coherent_wave(
     points : int
         Number of frequencies.
     decay : float
-        eta T of the window.
+        Damping eta T of the window over the record.
     """
     if not highest:
         highest = 2 * signals.input_frequency
@@ -128,9 +128,9 @@ def coherent_wave(
 
 
 def _end_rule(incoherent: np.ndarray, lost: np.ndarray) -> WaveEnd:
-    """Return the rule that ends the wave at the first frequency where it is `lost` (nf,).
+    """Return the rule that ends the wave at the first frequency where the wave is `lost` (nf,).
 
-    `incoherent` (nf,) tells where neighbouring layers do not correlate.
+    `incoherent` (nf,) marks frequencies at which neighbouring layers do not correlate.
     """
     if not lost.any():
         return "range"
@@ -184,9 +184,10 @@ def longest_waves(wave: Coherent) -> tuple[float, float]:
     """Return V_P of the longest waves and its standard error, m/s.
 
     kappa / omega is extrapolated linearly in f^2 to zero, from the lowest third of the frequencies.
-    An error of kappa that is equal at all of them makes an error of the slowness that falls as
-    1 / f. As many points are independent as are `resolution` apart. The stated error is 1.2 times
-    the scatter of records with white noise. NaN for fewer than `MIN_FREQUENCIES` frequencies.
+    An equal error of kappa at all frequencies makes an error of the slowness proportional to 1 / f.
+    Only points that are `resolution` apart are independent. The stated error is 1.2 times the
+    scatter that was found in records with white noise. NaN for fewer than `MIN_FREQUENCIES`
+    frequencies.
     """
     slowness = 1 / wave.phase_velocity
     known = fitted_frequencies(wave)

@@ -6,7 +6,7 @@ i omega) does not, as exp(-eta T) makes the cut negligible. In a periodic medium
 their nearest neighbours, (U[n+1] + U[n-1]) / (2 U[n]) = cosh(q l) is equal for all n, and is an
 analytic function of s^2 that tends to 1. It is measured at many s, fitted by a polynomial in s^2,
 without assuming the law, and continued to the real frequency axis: cos(kappa l) = G(-omega^2). A
-pure sine (an eigenmode) has this ratio too, so modes are measured in the same way.
+pure sine (an eigenmode) also has this ratio, so that modes are measured in the same way.
 
 Least squares of the ratio is biased by noise, which is in the numerator and the denominator. The
 equation is therefore weighted by a prediction of U[n] from layers two to forty away, with the G of
@@ -64,11 +64,11 @@ class Dispersion:
     Attributes
     ----------
     coefficients : ndarray (order,)
-        c0, c1, ...
+        Coefficients c0, c1, ...
     scale : float
-        rad/s.
+        Scale of the frequency, rad/s.
     distance : float
-        l, the distance of layers, m.
+        Distance l of the layers, m.
     """
 
     coefficients: np.ndarray
@@ -84,7 +84,7 @@ class Dispersion:
     def velocity(self) -> float:
         """Return the long-wave velocity, m/s, from the slope of G at 0.
 
-        NaN if noise reverses the slope.
+        The velocity is NaN if noise reverses the slope.
         """
         with np.errstate(invalid="ignore"):
             return float(self.distance * self.scale / np.sqrt(2 * self.coefficients[0]))
@@ -170,8 +170,9 @@ def _fit_polynomial(
 def chain_dispersion(signals: Signals, order: int = 2, decay: float = 3.0) -> Dispersion:
     """Measure the dispersion relation of a recorded chain.
 
-    Repeated passes find the band and the instrument. On exact signals the bias is below 1e-5; white
-    noise of 5 % scatters V_P by 0.3 % and the band edge by 0.6 %, and biases neither.
+    The passband, and the prediction that replaces noisy data, are improved in repeated passes. On
+    exact signals the bias is below 1e-5. With white noise of 5 %, V_P scatters by 0.3 % and the
+    band edge by 0.6 %, both without bias.
 
     Parameters
     ----------
@@ -179,9 +180,9 @@ def chain_dispersion(signals: Signals, order: int = 2, decay: float = 3.0) -> Di
         UnavailableError if the record is damaged: its chain is short, uneven, still, clipped or not
         at rest at the beginning.
     order : int
-        Order of the polynomial. Higher orders pass on more noise.
+        Order of the polynomial. Higher orders amplify noise.
     decay : float
-        eta T, by which the cut at the record's end T is damped. Stronger damping passes on more
+        Damping eta T of the window over the record of the length T. Stronger damping amplifies
         noise.
     """
     _refuse_damaged(signals)
@@ -218,8 +219,8 @@ def chain_dispersion(signals: Signals, order: int = 2, decay: float = 3.0) -> Di
 def _phases(omega: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return exp(-i omega t) (k, nt) for equally spaced omega (k,), rad/s, and times (nt,), s.
 
-    Each is the product of a phase of every `COARSE`-th frequency and one of few steps between
-    these: a product takes a tenth of the time of an exponential, and has the same digits.
+    Each phase is computed as a product of two: that of every `COARSE`-th frequency, and that of a
+    step between these. A product takes a tenth of the time of an exponential, and is as exact.
     """
     steps = np.arange(COARSE)[:, None] * (omega[1] - omega[0])
     fine = np.exp(-1j * steps * time)
@@ -297,7 +298,7 @@ def rms_deviation(measured: Dispersion, velocity: float, f_low_pass: float) -> f
     """Return the RMS relative deviation of omega(kappa) from Eq. 9.
 
     Eq. 9 of the paper is omega = 2 pi f_low_pass sin(kappa l / 2), with l = velocity / (pi
-    f_low_pass), m/s and Hz. They are compared up to kappa l = `MAX_PHASE_RATIO` pi.
+    f_low_pass), m/s and Hz. The relations are compared up to kappa l = `MAX_PHASE_RATIO` pi.
     """
     distance = velocity / (np.pi * f_low_pass)
     kappa = np.linspace(0.02, MAX_PHASE_RATIO, 200) * np.pi / distance

@@ -19,10 +19,10 @@ def velocity_of_contacts(network: Network) -> float:
     """Return V_P, m/s, if the mean strain is imposed on the contacts away from the walls.
 
     If spheres neither relax nor turn, the modulus M is the sum of `affine_stiffness` divided by the
-    volume. Of each contact the part of the branch vector counts that lies in the inner zone, which
+    volume. Each contact is weighted with the part of its branch vector in the inner zone, which
     begins `WALL_ZONE_IN_DIAMETERS` from the walls. The density is that of the force-bearing
-    spheres, from the slope of their number over z, which the layers of a crystal do not disturb.
-    UnavailableError if no contact reaches the inner zone.
+    spheres, from the slope of their cumulative number along z, so that layers of a crystal do not
+    matter. Raises UnavailableError if no contact reaches the inner zone.
     """
     mean_radius = float(network.radius.mean())
     zone = WALL_ZONE_IN_DIAMETERS * 2 * mean_radius
@@ -44,7 +44,7 @@ def velocity_of_contacts(network: Network) -> float:
 
 
 def _share_of_branches(network: Network, low: float, high: float) -> np.ndarray:
-    """Return the share of each branch vector (m,) between spheres that lies between two z, m."""
+    """Return the share of each branch vector (m,) between spheres from z `low` to `high`, m."""
     pair = ~network.with_wall
     start = network.position[network.particle_i[pair], 2]
     end = start + network.branch[pair, 2]

@@ -17,8 +17,8 @@ COMPARED_SHARE_OF_HIGHEST = 0.1
 class Excess(NamedTuple):
     """The ratio D f_max^3 / f^2 at a tenth of the highest frequency, and its largest value.
 
-    D is the density of states as a share of all modes. `peak_frequency`, Hz, is that of the largest
-    value; both are NaN if it is at the lowest known frequency.
+    D is the density of states as a share of all modes. `peak_frequency`, Hz, is the frequency of
+    the largest value; both are NaN if it is at the lowest known frequency.
     """
 
     at_a_tenth: float
@@ -36,7 +36,7 @@ def excess_of(frequency: Floats, density: Floats, modes: float, highest: float) 
     Parameters
     ----------
     frequency : ndarray (n,), Hz
-        Evenly spaced.
+        Frequencies, evenly spaced.
     density : ndarray (n,)
         Modes per Hz.
     modes : float

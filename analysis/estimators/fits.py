@@ -1,4 +1,4 @@
-"""Fit straight lines and power laws, with the errors of what is read from them; find summits."""
+"""Fit straight lines and power laws with their errors; find summits."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -34,7 +34,7 @@ class Line:
     slope, offset : float
     covariance : ndarray (2, 2)
         Covariance of slope and offset. If `chi` exceeds 1, the points scatter about the line by
-        more than their errors say, and the covariance has been multiplied by it.
+        more than their errors, and the covariance has been multiplied by `chi`.
     chi : float
         chi^2 per degree of freedom; NaN for two points and for points without errors.
     """
@@ -58,9 +58,9 @@ class Line:
     def distance(self, x: float, value: float, error: float) -> float:
         """Return how far a fitted point lies from the line's offset, in standard errors.
 
-        The point at x, with its `value` and `error`, has drawn the line towards itself: offset and
-        point share a part of their errors, whose covariance is that of the line's values at 0 and
-        x. NaN if the difference has no positive variance.
+        The point at x, with its `value` and `error`, was used in the fit. Therefore the errors of
+        offset and point are correlated; their covariance is that of the line's values at 0 and x.
+        The result is NaN if the variance of the difference is not positive.
         """
         point_variance = np.fmax(1.0, self.chi) * error**2
         shared = self.covariance[1] @ [x, 1.0]
@@ -118,5 +118,5 @@ def power_law(x: Floats, y: Floats) -> PowerLaw:
 
 
 def summit(before: Floats, top: Floats, behind: Floats) -> Floats:
-    """Return where the parabola through three values at -1, 0 and 1 has its extreme value."""
+    """Return the position of the extremum of a parabola through values at -1, 0 and 1."""
     return 0.5 * (before - behind) / (before - 2 * top + behind)

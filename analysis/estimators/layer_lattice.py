@@ -1,8 +1,8 @@
 """Compute exact signals of a planar crystal, a lattice of layers between two walls.
 
-A planar P-wave along [001] of an FCC crystal moves each layer as a whole. Its motion is that of a
-lattice of n masses m with springs C (Eq. 8) and a wall spring at each end. The eigenmodes of the
-tridiagonal matrix and Duhamel's integral give it without time steps.
+A planar P-wave along [001] of an FCC crystal moves each layer as a whole. The layers move like a
+chain of n masses m with springs C (Eq. 8) and a wall spring at each end. The eigenmodes of the
+tridiagonal matrix and Duhamel's integral give this motion without time steps.
 """
 
 from __future__ import annotations
@@ -71,11 +71,12 @@ class LayerLattice:
     Attributes
     ----------
     mass : float
-        kg.
+        Mass, kg.
     stiffness, wall_stiffness : float
-        Of the spring between two masses, and between an end mass and its wall, N/m.
+        Stiffness of the spring between two masses, and of that between an end mass and its wall,
+        N/m.
     distance : float
-        Between neighbouring masses, m.
+        Distance of neighbouring masses, m.
     layers : int
         Number of masses.
     area : float
@@ -144,7 +145,7 @@ class LayerLattice:
 
 
 def exact_twin(signals: Signals, lattice: LayerLattice) -> Signals:
-    """Return the exact signals of a lattice at the times and for the motion of a recorded run."""
+    """Return exact signals of a lattice for the times and the motion of a recorded run."""
     return lattice_signals(lattice, signals.time, recorded_motion(signals))
 
 

@@ -1,4 +1,4 @@
-"""Find which frequencies a packing lets through, by the paper's threshold rule and its choices.
+"""Find the low-pass frequency of a packing by the paper's threshold rule and its variants.
 
 The rule (section 5.1 of Otsubo et al. 2017) uses a map of frequency over distance from the source,
 shaded by the amplitude of the displacement of one chain of particles. f_low-pass is the frequency
@@ -6,9 +6,9 @@ at which the amplitude falls to 2 % (or 1 %) of the maximum value, where it no l
 distance; the record ends before the reflection. Here the map has the chain's force-bearing
 particles, the maximum is that of the whole map, the record ends after `PASSAGES` of the measured
 wave, and the value is the median over one stretch of the chain, equal for all thresholds. The free
-choices of the rule are the displacement that is taken (that of the chain or of layers), the maximum
-to which the threshold is relative, and the length of the record: `Passband` varies each of them.
-The unbiased band edge of a crystal is in `damped_transform`.
+choices of the rule are the displacement (of the chain or of layers), the maximum to which the
+threshold is relative, and the length of the record: `Passband` varies each of them. The unbiased
+band edge of a crystal is in `damped_transform`.
 """
 
 from dataclasses import dataclass, replace
@@ -77,16 +77,16 @@ def last_crossing(
 ) -> np.ndarray:
     """Return the highest frequency (nc,), Hz, at which each column falls through its level.
 
-    The logarithm of the amplitude is interpolated linearly. NaN if a column is nowhere above its
-    level, or still above it beyond `KNOWN_RANGE`.
+    The logarithm of the amplitude is interpolated linearly. The result is NaN if a column is
+    nowhere above its level, or still above it beyond `KNOWN_RANGE`.
 
     Parameters
     ----------
     frequency : ndarray (nf,)
-        Hz, equally spaced.
+        Frequencies, Hz, equally spaced.
     amplitude : ndarray (nf, nc)
     level : ndarray (nc,) or float
-        In the unit of the amplitude.
+        Level of each column, in the unit of the amplitude.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def last_crossing(
 def spectra(
     time: np.ndarray, displacement: np.ndarray, highest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (nf,), Hz, to `highest`, and the amplitudes (nf, p) of a motion (nt, p).
+    """Return frequencies (nf,), Hz, up to `highest`, and amplitudes (nf, p) of a motion (nt, p).
 
     Amplitudes are in single precision, hence in units of the largest displacement.
     """
@@ -135,7 +135,7 @@ def threshold_curves(
 ) -> np.ndarray:
     """Return the last crossing (thresholds, p), Hz, of each of `THRESHOLDS` for each particle.
 
-    `frequency` (nf,) is in Hz; the `amplitude` (nf, p) is relative to the maximum of the whole map
+    `frequency` (nf,) is in Hz; the `amplitude` (nf, p) is divided by the maximum of the whole map
     ("map") or of each particle ("own").
     """
     maximum = amplitude.max(axis=0)
@@ -147,22 +147,23 @@ def threshold_curves(
 def at_stretch(
     distance: np.ndarray, values: np.ndarray, length: float, stretch: tuple[float, float]
 ) -> Value:
-    """Return the median value, Hz, over a stretch of the chain, and whether it is on a plateau.
+    """Return the median value, Hz, over a stretch of the chain, and whether there is a plateau.
 
-    The error is half of the quartile distance. The value is unknown if fewer than `MIN_PARTICLES`,
-    or less than half of the particles, have one. It is on a plateau if the stretches of equal width
-    before and behind have nearly equal medians; otherwise the rule has no definite answer.
+    The error is half of the interquartile range. The median is unknown if fewer than
+    `MIN_PARTICLES`, or less than half of the particles, have a value. There is a plateau if the
+    stretches of equal width before and after this one have nearly the same median; otherwise the
+    rule has no definite answer.
 
     Parameters
     ----------
     distance : ndarray (nc,)
-        From the source wall, m.
+        Distance from the source wall, m.
     values : ndarray (nc,)
-        Hz.
+        Values of the particles, Hz.
     length : float
-        From wall to wall, m.
+        Distance from wall to wall, m.
     stretch : tuple of float
-        Its ends, in parts of the length.
+        Ends of the stretch, as fractions of the length.
     """
     low, high = stretch
     width = high - low
@@ -214,14 +215,15 @@ def _known_values(
 
 
 def _are_enough(known: np.ndarray, particles: int) -> bool:
-    """Return whether the known values (k,) represent all `particles`: more than half of them."""
+    """Return whether `MIN_PARTICLES`, and over half of all `particles`, have values (k,)."""
     return len(known) >= MIN_PARTICLES and 2 * len(known) > particles
 
 
 class Map(NamedTuple):
-    """Amplitude of a motion over distance from the source and frequency.
+    """Amplitude of a motion as a function of distance from the source and of frequency.
 
-    distance: (nc,), m. frequency: (nf,), Hz. amplitude: (nf, nc).
+    distance (nc,), m: from the source. frequency (nf,), Hz. amplitude (nf, nc): in units of the
+    largest displacement.
     """
 
     distance: np.ndarray
@@ -251,14 +253,14 @@ class Passband:
     run : Signals or None
         The run of YADE.
     velocity : float
-        Of the long waves, m/s.
+        Velocity of the long waves, m/s.
     crystal : bool
         Whether the packing is a crystal, whose chain has one particle of each layer. In other
         packings layers are slabs a diameter thick.
     highest : float
         Highest frequency that is computed, Hz.
     stretch : tuple of float
-        Part of the length whose median counts.
+        Ends, as fractions of the length, of the stretch over which the median is taken.
     """
 
     network: Network
@@ -326,8 +328,8 @@ class Passband:
     ) -> list[Value]:
         """Return f_low-pass, Hz, for each of `THRESHOLDS`.
 
-        Values are unknown if there is no record, or none of layers, and where the source is too
-        weak. `reference` is that of `threshold_curves`.
+        Values are unknown if there is no record, or no record of layers, and where the source is
+        too weak. `reference` is described at `threshold_curves`.
         """
         needs_layers = whose == "layers" and not self.crystal
         if record is None or (needs_layers and record.layer_displacement is None):
@@ -363,7 +365,7 @@ class Passband:
         return self.with_chain_scatter(self.edges(self.wave, passages=self.common))
 
     def with_chain_scatter(self, edges: list[Value]) -> list[Value]:
-        """Return values whose error is the scatter between chains, if it is known and larger."""
+        """Return values whose error is the scatter between chains, if this is known and larger."""
         widened = []
         for edge, scatter in zip(edges, self.chain_scatter, strict=True):
             error = float(np.fmax(edge.error, scatter))
@@ -384,7 +386,7 @@ class Passband:
     def of_columns(self) -> np.ndarray:
         """Return f_low-pass (columns, thresholds), Hz, along each column of the linear wave.
 
-        A column is a diameter wide. The scatter of columns says how much the value depends on the
+        A column is a diameter wide. The scatter of columns shows how much the value depends on the
         choice of the chain. Unknown values are NaN; there are no rows if single particles are not
         recorded.
         """
@@ -452,7 +454,7 @@ class Passband:
 
 
 def columns_of(network: Network, particles: np.ndarray) -> list[np.ndarray]:
-    """Return, for each column a diameter wide, which of the `particles` (p,) stand in it."""
+    """Return, for each column a diameter wide, which of the `particles` (p,) it contains."""
     diameter = 2 * float(network.radius.mean())
     # The width of a crystal's cell is slightly less than whole diameters under pressure.
     cells = np.maximum(1, (network.cell_size[:2] / diameter + 0.05).astype(int))

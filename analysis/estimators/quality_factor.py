@@ -1,6 +1,6 @@
-"""Quality factor as laboratories report it: of a resonance, a free decay, or two receivers.
+"""Read the quality factor as laboratories do: of a resonance, a free decay, or two receivers.
 
-Q is the stored energy over the energy lost in a radian. Four ways to read it:
+Q is the stored energy divided by the energy lost in a radian. Four ways to read it:
 
     fitted resonance         the complex response near a peak is that of one damped oscillator, in
                              front of the slow rest of all others
@@ -11,7 +11,7 @@ Q is the stored energy over the energy lost in a radian. Four ways to read it:
                              A. Timur, Geophysics 44, 681, 1979)
 
 The width and the decrement are those of a single oscillator; neighbouring resonances and their own
-damping add an error of the order of 1 / Q^2, which the fit does not have.
+damping add an error of the order of 1 / Q^2, which the fit avoids.
 """
 
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class QualityFactor:
     quality, error : float
         Q and its standard error.
     frequency : float
-        Frequency at which it holds, Hz: of a fitted resonance the undamped one.
+        Frequency at which Q was measured, Hz; for a fitted resonance, the undamped frequency.
     """
 
     quality: float
@@ -56,11 +56,11 @@ class QualityFactor:
 
 
 def half_power(frequency: Floats, amplitude: Floats) -> QualityFactor:
-    """Read Q of the highest peak of an amplitude (nf,) over frequencies (nf,), Hz, by its width.
+    """Read Q from the width of the highest peak of an amplitude (nf,) at frequencies (nf,), Hz.
 
-    The peak and the two points of half its power are those of a spline through 1 / amplitude^2,
+    The peak and the two points of half its power are found on a spline through 1 / amplitude^2,
     which is a parabola for a single resonance. The error is half of the asymmetry of the two
-    halves. UnavailableError if the record does not have both points.
+    halves. Raises UnavailableError if the record does not contain both points.
 
     Examples
     --------
@@ -92,8 +92,8 @@ def fitted_resonance(frequency: Floats, response: Complex) -> QualityFactor:
     With time dependence exp(-i omega t), response = (b_0 + b_1 omega + ...) / (omega_1^2 - omega^2
     - i omega omega_1 / Q), with complex b: linear least squares for omega_1^2, omega_1 / Q and b
     (after E. C. Levy, IRE Trans. Autom. Control 4, 37, 1959), over `FIT_WIDTHS` of the peak. The
-    error is the change with a background of one order less. UnavailableError if there are too few
-    frequencies near the peak.
+    error is the change for a background of one order less. Raises UnavailableError if there are too
+    few frequencies near the peak.
 
     Examples
     --------
@@ -135,11 +135,11 @@ def _fit(frequency: Floats, response: Complex, order: int) -> tuple[float, float
 
 
 def logarithmic_decrement(time: Floats, trace: Floats) -> QualityFactor:
-    """Read Q of a free decay, a trace (nt,) at evenly spaced times (nt,), s, by its peaks.
+    """Read Q from the peaks of a free decay, a trace (nt,) at evenly spaced times (nt,), s.
 
-    The logarithms of all positive and negative peaks fall by pi / Q in a period; the damping ratio
-    is delta / sqrt(4 pi^2 + delta^2) and Q = 1 / (2 ratio). UnavailableError if there are fewer
-    than `MIN_PEAKS`.
+    The logarithms of all positive and negative peaks fall by the decrement delta in a period; the
+    damping ratio is delta / sqrt(4 pi^2 + delta^2), and Q = 1 / (2 ratio). Raises UnavailableError
+    for fewer than `MIN_PEAKS` peaks.
 
     Examples
     --------
@@ -167,16 +167,17 @@ def logarithmic_decrement(time: Floats, trace: Floats) -> QualityFactor:
 
 @dataclass(frozen=True)
 class SpectralRatio:
-    """Attenuation between two receivers over frequency, and the constant Q that fits it.
+    """Attenuation between two receivers at each frequency, and the constant Q that fits it.
 
     Attributes
     ----------
     frequency : ndarray (nf,)
         Hz.
     attenuation : ndarray (nf,)
-        Logarithm of the ratio of amplitudes, nepers; with the spreading of the wave.
+        Logarithm of the ratio of amplitudes, nepers; it includes the spreading of the wave.
     quality : QualityFactor
-        From the slope of the attenuation over frequency, which spreading leaves alone.
+        Quality factor from the slope of the attenuation against frequency, which spreading does not
+        change.
     """
 
     frequency: Floats
@@ -187,7 +188,7 @@ class SpectralRatio:
 def spectral_ratio(pair: RecordPair, travel_time: float) -> SpectralRatio:
     """Read Q between two receivers from the ratio of their spectra, and their travel time, s.
 
-    Frequencies are those of the pulse. The direct waves alone are compared.
+    The frequencies are those of the pulse, and only the direct waves are compared.
 
     Examples
     --------

@@ -36,12 +36,12 @@ class Standing:
     frequency : ndarray (R,)
         Hz.
     share : ndarray (R,)
-        Share of the standing wave's pattern that the mode has, at most 1.
+        Share of the standing wave that the mode contains, at most 1.
     row : ndarray (R,) of int
         Row of the mode in the mode set.
     next_share : float
-        Largest share of the next standing wave that a mode has, below `MIN_SHARE`; NaN if the wave
-        of `HIGHEST_ORDER` belongs to a mode.
+        Largest share of the next standing wave in any mode, below `MIN_SHARE`; NaN if all waves up
+        to `HIGHEST_ORDER` belong to modes.
     """
 
     frequency: np.ndarray
@@ -51,7 +51,7 @@ class Standing:
 
 
 def standing_modes(frequency: np.ndarray, z_shape: np.ndarray, network: Network) -> Standing:
-    """Find the resonances r = 1, 2, ... up to the first standing wave that belongs to no mode.
+    """Find the resonances r = 1, 2, ... up to the first standing wave without a mode.
 
     `frequency` (k,), Hz, and `z_shape` (k, n), the mass-normalised displacements along z, are those
     of the modes.
@@ -74,8 +74,9 @@ def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> n
     """Return the wave number kappa (R,), 1/m, of the sine that fits each shape best.
 
     `shape` (R, p) are those of the orders r = 1 ... R, `depth` (p,) is the distance from the source
-    wall and `length` that from wall to wall, m. Phase and wave number are free, as walls that yield
-    make standing waves longer than Eq. 4 says. NaN if the best sine is more than half an order off.
+    wall and `length` that from wall to wall, m. Phase and wave number are free, because walls that
+    yield make standing waves longer than by Eq. 4. NaN if the wave number of the best sine differs
+    by more than half an order.
     """
     wavenumbers = np.full(len(shape), np.nan)
     angle = np.pi * depth / length

@@ -1,11 +1,11 @@
 """Find the frequency for each wave number of a record, and the wavelength at the band edge.
 
 The sum over the chain of u exp(-i kappa z) turns in the complex plane at the frequency of the wave
-number kappa. It is read after the source wall has come to rest and before the far end has turned
-the waves back. No law of the lattice is assumed: a wave that leaves the source has a positive group
-velocity, hence turns forward up to the wave number of the highest frequency; beyond this wave
-number the same energy appears to turn backward. There the band ends, at the wavelength that the
-record shows: it is 2 l only if each layer acts on its nearest neighbours alone.
+number kappa. This frequency is read after the source wall has come to rest and before waves return
+from the far end. No law of the lattice is assumed: a wave that leaves the source has a positive
+group velocity, hence turns forward up to the wave number of the highest frequency; beyond this wave
+number the same energy appears to turn backward. There the band ends. The wavelength at this end is
+2 l only if each layer acts on its nearest neighbours alone.
 """
 
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ PASSAGES = 1.3
 
 @dataclass(frozen=True)
 class Ridge:
-    """Frequencies over wave numbers, and the band edge.
+    """Frequency as a function of wave number, and the band edge.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Ridge:
     frequency : ndarray (n,)
         Hz, positive where the wave turns forward.
     edge_wavenumber, edge_frequency : float
-        Where the band ends, 1/m and Hz; NaN if the record does not show it.
+        Wave number, 1/m, and frequency, Hz, of the band edge; NaN if the record does not show it.
     """
 
     wavenumber: np.ndarray
@@ -89,8 +89,8 @@ class Ridge:
 def ridge(signals: Signals) -> Ridge:
     """Find the ridge of a chain of equal distances, such as one particle per layer of a crystal.
 
-    The search ends at twice the pulse's frequency, where its spectrum ends. All frequencies are NaN
-    if there is no wave in the record.
+    The search ends at twice the pulse's frequency, where the spectrum of the pulse ends. All
+    frequencies are NaN if there is no wave in the record.
     """
     highest = HIGHEST_WAVENUMBER_RATIO * np.pi / layer_distance(signals)
     kappa = np.linspace(highest / POINTS, highest, POINTS)
@@ -111,10 +111,11 @@ def ridge(signals: Signals) -> Ridge:
 def _turning_frequencies(
     signals: Signals, kappa: np.ndarray, start: float, end: float
 ) -> np.ndarray:
-    """Return the frequencies (n,), Hz, at which the sums of wave numbers `kappa` (n,), 1/m, turn.
+    """Return the frequency (n,), Hz, of the sum of each wave number `kappa` (n,), 1/m.
 
-    Only times from `start` to `end`, s after the record begins, are used. NaN if there are fewer
-    than `MIN_TIMES` of them.
+    This is how fast the sum of u exp(-i kappa z) rotates in the complex plane. Only times from
+    `start` to `end`, s after the record begins, are used. The frequencies are NaN for fewer than
+    `MIN_TIMES` times.
     """
     time = signals.time - signals.time[0]
     used = (time >= start) & (time <= end)
@@ -141,7 +142,7 @@ def _turning_frequencies(
 
 
 def _find_edge(kappa: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
-    """Return wave number, 1/m, and frequency, Hz, of the highest point, where the turning reverses.
+    """Return wave number, 1/m, and frequency, Hz, at which the sense of rotation reverses.
 
     Both are NaN if no reversal is clear, or if the points around it do not lie on a curve.
     """
@@ -171,9 +172,10 @@ def _find_edge(kappa: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
 
 
 def _count_forward_points(frequency: np.ndarray) -> int | None:
-    """Return how many points (n,) turn forward before the sense of turning reverses.
+    """Return how many points of a ridge precede the reversal of its sense of rotation.
 
-    None if the senses of turning agree with no reversal by `MIN_AGREEMENT`.
+    A positive `frequency` (n,), Hz, means forward rotation. The result is None if no reversal is
+    clear: the points near it must agree with it by `MIN_AGREEMENT`.
     """
     sense = np.append(0, np.cumsum(np.sign(frequency)))
     count = np.arange(POINTS + 1)

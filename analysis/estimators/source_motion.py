@@ -1,10 +1,10 @@
-"""Find how the source wall of a record moved, and compute the record for another motion.
+"""Find the motion of a record's source wall, and compute the record for another motion.
 
 The wave is linear in the motion. Under a window exp(-eta t), whose value at the record's end is
 negligible, the transforms of two records have the same ratio as the transforms of their motions.
 Frequencies that the recorded motion S hardly contains cannot be recovered, and the new record lacks
-them: the ratio for the new motion P is that of least squares, P S* / (|S|^2 + e^2), with e a small
-part of the largest |S|.
+them: the ratio for the new motion P is found by regularised least squares, P S* / (|S|^2 + e^2),
+with e a small part of the largest |S|.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ FOLLOWS_MOTION = (
 
 
 def _change_motions(record: Signals, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
-    """Return `change` applied to the fields of a record that follow the motion, if present."""
+    """Return the fields of a record that depend on the motion, if present, after `change`."""
     changed = {}
     for name in FOLLOWS_MOTION:
         values = getattr(record, name)
@@ -55,8 +55,8 @@ def _change_motions(record: Signals, change: Callable[[np.ndarray], np.ndarray])
 def cut(record: Signals, end: float) -> Signals:
     """Return the record up to the time `end`, s.
 
-    A peak counts if it exceeds half of the particle's largest displacement, which may come late:
-    two records give the same peaks only if they are equally long.
+    Two records give the same first peaks only if they are equally long: a peak counts if it exceeds
+    half of the particle's largest displacement, which may occur late.
     """
     count = int(np.searchsorted(record.time, end * (1 + 1e-9), "right"))
     changed = _change_motions(record, lambda values: values[:count])
@@ -102,14 +102,14 @@ def recorded_motion(record: Signals) -> Motion:
 
 
 def sets_out(record: Signals) -> float:
-    """Return the last time, s, at which the source wall of a record has not begun to move."""
+    """Return the last recorded time, s, before the source wall begins to move."""
     distance = abs(record.source_displacement)
     first_moved = int(np.argmax(distance > MOTION_TOLERANCE * distance.max()))
     return float(record.time[max(first_moved - 1, 0)])
 
 
 def at_rest(record: Signals) -> float:
-    """Return the time, s, from which on the source wall of a record stays at rest.
+    """Return the time, s, at which the source wall of a record comes to rest for good.
 
     The time is 0 if the wall never moves.
     """

@@ -1,4 +1,4 @@
-"""Compute the dynamic structure factor: how much of a wave lies at each frequency.
+"""Compute the dynamic structure factor: the frequencies that a standing or plane wave contains.
 
 For a standing wave, S_r(f) = sum_i <e_r|i>^2 delta(f - f_i) over all modes i of the packing, where
 e_r is the pattern sin(pi r z / L) of every force-bearing sphere, normalised with the mass. The
@@ -6,7 +6,7 @@ ridge of S over kappa_r is the dispersion relation of a random packing, far beyo
 can be identified by eye; its width is the rate at which disorder scatters the wave. In a periodic
 cell e is a plane wave exp(i k x) that fits into the cell, with equal displacement along k
 (longitudinal, S_L) or across k (transverse, S_T, the mean over both directions). S integrates to 1,
-and its mean omega^2 is that of e.
+and its mean omega^2 equals e . A e.
 
 No mode is computed: S is the expansion of the delta function in Chebyshev polynomials of the
 operator (kernel polynomials: Weisse et al., Rev. Mod. Phys. 78, 275, 2006), in omega as in
@@ -56,7 +56,7 @@ diverges."""
 
 @dataclass(frozen=True)
 class Scattering:
-    """The ridge of a structure factor, as far as its width is larger than the resolution.
+    """The ridge of a structure factor, where its width is larger than the resolution.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Scattering:
     width : ndarray (n,)
         Full width at half height, Hz.
     velocity : float
-        Of the long waves, m/s.
+        Velocity of the long waves, m/s.
     diameter : float
         Mean diameter of the spheres, m.
     """
@@ -90,7 +90,7 @@ class Scattering:
 
     @property
     def limit(self) -> float:
-        """Return the Ioffe-Regel frequency, Hz: the lowest one that is equal to pi times the width.
+        """Return the Ioffe-Regel frequency, Hz: the lowest that equals pi times the width.
 
         NaN if pi times the width is below the frequency everywhere, or above it at the first point.
         """
@@ -117,7 +117,7 @@ class Scattering:
         return self.frequency[:count], width, free_path
 
     def power(self, frequency: float) -> PowerLaw:
-        """Fit the width as a power of the frequency, within `POWER_RANGE` of a frequency in Hz."""
+        """Fit the width as a power of the frequency, within `POWER_RANGE` of `frequency`, Hz."""
         low = POWER_RANGE[0] * frequency
         high = POWER_RANGE[1] * frequency
         near = (self.frequency > low) & (self.frequency < high)
@@ -133,11 +133,12 @@ class StructureFactor:
     frequency : ndarray (nf,)
         Hz.
     order : ndarray (R,) or (R, 3)
-        r of standing waves; of plane waves the periods in the cell along x, y and z.
+        Order r of standing waves; for plane waves, the numbers of periods in the cell along x, y
+        and z.
     wavenumber : ndarray (R,)
-        pi r / L (Eq. 4), or the length of the wave vector, rad/m.
+        Wave number pi r / L (Eq. 4), or the length of the wave vector, rad/m.
     power : ndarray (R, nf)
-        1/Hz; each row integrates to 1.
+        Structure factor of each wave, 1/Hz; each row integrates to 1.
     resolution : float
         Full width at half height of a single mode, Hz.
     """
@@ -151,9 +152,10 @@ class StructureFactor:
     def ridge(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the frequency (R,), Hz, of each row's maximum and its width (R,), Hz.
 
-        Widths are full widths at half height, less the resolution: both lines are near-Gaussian, so
-        that squares subtract. A width below a fifth of the resolution cannot be distinguished from
-        zero. NaN if the maximum or half of its height lies outside the frequencies.
+        Widths are full widths at half height, after subtracting the resolution in squares, because
+        both lines are nearly Gaussian. A width below a fifth of the resolution cannot be
+        distinguished from zero. NaN if the maximum or half of its height lies outside the
+        frequencies.
         """
         peak = np.full(len(self.order), np.nan)
         width = np.full(len(self.order), np.nan)
@@ -185,7 +187,7 @@ class StructureFactor:
         return np.sqrt(max((right - left) ** 2 - self.resolution**2, 0))
 
     def scattering(self, velocity: float, diameter: float) -> Scattering:
-        """Return the ridge where its frequency rises and its width is known.
+        """Return the part of the ridge where its frequency rises and its width is known.
 
         `velocity` is that of the long waves, m/s, `diameter` that of the spheres, m.
         """
@@ -220,8 +222,8 @@ def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np
 def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
     """Return the patterns (6n, R) of standing waves: sin(pi r z / L) along z, scaled by M^1/2.
 
-    Only force-bearing spheres move; each pattern has the norm 1. UnavailableError if the walls are
-    in one place.
+    Only force-bearing spheres move; each pattern has the norm 1. Raises UnavailableError if the
+    walls are at the same height.
     """
     if not network.length > 0:
         raise UnavailableError("no_volume", "the walls are in one place", "no wave stands")
@@ -289,7 +291,8 @@ def structure_factor(
     ----------
     network : Network
     orders : ndarray (R,) or (R, 3) of int
-        r of standing waves, or periods of plane waves in the cell along x, y and z.
+        Orders r of standing waves, or numbers of periods of plane waves in the cell along x, y and
+        z.
     resolution : float
         Full width at half height of a single mode, Hz.
     highest : float, optional
@@ -373,5 +376,5 @@ def write_structure(
 
 
 def read_structure(path: str | Path) -> StructureFactor:
-    """Read and validate a structure factor; InputError of one line for anything wrong."""
+    """Read and validate a structure factor; InputError for any fault."""
     return StructureFactor(**FORMAT.read(path))

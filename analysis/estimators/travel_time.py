@@ -1,4 +1,4 @@
-"""Find when a wave reaches each particle of a chain, and the velocity that these times give."""
+"""Find when a wave reaches each particle of a chain, and the velocity from these times."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -54,7 +54,7 @@ def first_peak_times(signals: Signals) -> np.ndarray:
     """Return the time (nc,), s, of each chain particle's first peak.
 
     A peak has the direction of the wall's first motion and more than half of the particle's largest
-    displacement. Its time is that of the parabola through three samples; NaN without a peak.
+    displacement. The time is the vertex of a parabola through three samples; NaN without a peak.
     """
     u = _orient_forward(signals)
     high = u[1:-1] > 0.5 * u.max(axis=0)
@@ -94,7 +94,7 @@ def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, flo
     """Fit a line to `times` (nc,), s, at `distance` (nc,), m; return velocity and error, m/s.
 
     Both are NaN if fewer than `MIN_TIMES` times are known, or if times do not rise with distance by
-    more than their scatter, as without a wave from the source.
+    more than their scatter, for example without a wave from the source.
     """
     if np.isfinite(times).sum() < MIN_TIMES:
         return np.nan, np.nan
@@ -118,17 +118,17 @@ def travelled(
 
 
 def _in_fitted_stretch(distance: np.ndarray, length: float) -> np.ndarray:
-    """Return which distances (n,) from the source wall, m, lie in `FITTED_STRETCH` of a length."""
+    """Return which distances (n,), m, from the source wall lie in the part `FITTED_STRETCH`."""
     low, high = FITTED_STRETCH
     return (distance > low * length) & (distance < high * length)
 
 
 def layers_above(record: Signals, network: Network) -> tuple[float, float]:
-    """Return the velocity of first peaks of the layers above any source, and its error, m/s.
+    """Return the velocity of first peaks in layers above a source of any kind, and its error, m/s.
 
-    Layers between `MIN_DISTANCE_IN_DIAMETERS` and three quarters of the way to the end of the
-    packing count, in a period those up to three quarters of half of it. Both are NaN if the record
-    has no layers.
+    The layers from `MIN_DISTANCE_IN_DIAMETERS` to three quarters of the distance to the end of the
+    packing are used; with a period along z, to three quarters of half the period. Both numbers are
+    NaN if the record has no layers.
     """
     if record.layer_displacement is None or record.layer_position is None:
         return np.nan, np.nan
@@ -152,7 +152,7 @@ def layers_above(record: Signals, network: Network) -> tuple[float, float]:
 def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, float]:
     """Return the mean velocity of first peaks over columns a sphere wide, and its scatter, m/s.
 
-    The scatter says how much the velocity depends on the choice of the chain. Both are NaN if the
+    The scatter shows how much the velocity depends on the choice of the chain. Both are NaN if the
     record has no single particles, the scatter also if only one column counts.
     """
     if record.particle_displacement is None:

@@ -1,9 +1,9 @@
-"""Find wave numbers from the record of a chain, at one frequency or at all of them.
+"""Find wave numbers from the record of a chain, at one frequency or at all frequencies.
 
 The dispersion relation of the paper's Figs. 14 and 15 is the ridge of a chain's map of frequency
 and wave number, the double Fourier transform over time and z. At one frequency the ridge is the
 wave number kappa for which the sum of U(z) exp(-i kappa z) over the chain is largest, where U(z) is
-the spectrum of the displacement at z. For this sum distances need not be equal.
+the spectrum of the displacement at z. In this sum the particles may have unequal distances.
 """
 
 import numpy as np
@@ -41,10 +41,10 @@ def chain_wavenumber(
     frequency : float
         Hz.
     length : float
-        From wall to wall, m.
+        Distance from wall to wall, m.
     velocity : float
         Velocity of the long waves, m/s; the search covers `SEARCH_RANGE` times their wave number. A
-        maximum on the bound does not count.
+        maximum at the end of this range does not count.
     part : ndarray (nc,) of bool, optional
         The particles of the chain that are used.
     """
@@ -82,7 +82,7 @@ def end_taper(count: int) -> Floats:
 def frequency_wavenumber(
     motion: Floats, time: Floats, position: Floats
 ) -> tuple[Array, Array, Complex]:
-    """Return the map of a motion over frequency and wave number.
+    """Return the spectrum of a motion in frequency and wave number.
 
     Parameters
     ----------

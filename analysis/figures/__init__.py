@@ -1,4 +1,4 @@
-"""Hold all figures: each a function from measured cases to a picture, drawn and tabulated."""
+"""Hold all figures: functions that make a picture of measured cases, drawn and tabulated."""
 
 from collections.abc import Callable
 from typing import Any
@@ -32,8 +32,8 @@ FIGURES = {figure.__name__: figure for figure in (*OF_CASES, *OF_ROWS)}
 def compose(name: str, cases: list[PackingData]) -> Picture:
     """Return one figure of the given cases.
 
-    Of several cases, panels with the same title become one. Raises InputError if there is no such
-    figure, or if no case has what it shows.
+    Panels of several cases with the same title are joined. Raises InputError if there is no such
+    figure, or if no case has the data for it.
     """
     refuse_unknown("figure", name, FIGURES)
     figure = FIGURES[name]
@@ -49,7 +49,7 @@ def compose(name: str, cases: list[PackingData]) -> Picture:
 
 
 def _as_picture(drawn: Picture | Panel) -> Picture:
-    """Return what a figure has drawn as a picture."""
+    """Return the result of a figure's function, panels or a picture, as a picture."""
     if isinstance(drawn, Panel):
         return Picture([drawn])
     return drawn
@@ -67,7 +67,7 @@ def _join(pictures: list[Picture]) -> Picture:
 
 
 def _refuse_empty(name: str, picture: Picture, rows: list[CaseResult]) -> None:
-    """Raise InputError for a picture without any point, with the first note of its cases."""
+    """Raise InputError for a picture without any point; the message has the cases' first note."""
     labels = ", ".join(dict.fromkeys(panel.ylabel or panel.title for panel in picture.panels))
     notes = [note for row in rows for note in row.notes]
     problem = f"{name}: nothing to draw, for no case here has {labels}"

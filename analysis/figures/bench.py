@@ -22,10 +22,11 @@ MAX_COLUMNS = 2
 
 
 def traces(test: TransducerTest, velocity: float) -> Picture:
-    """Draw source and receiver over time, a panel for each frequency, each over its largest.
+    """Draw source and receiver against time, a panel for each frequency, each scaled to 1.
 
-    Upright lines are the travel times of the rules, counted from the source's first motion; the
-    thin black one is that of `velocity`, m/s. The last panel of the first row has the legend.
+    Vertical lines are the travel times by the rules, from the source's first motion on; the thin
+    black line is the travel time at `velocity`, m/s. The last panel of the first row has the
+    legend.
     """
     panels = [_panel(pair, test.distance, velocity) for pair in test.pairs]
     columns = min(MAX_COLUMNS, len(panels))

@@ -1,4 +1,4 @@
-"""Draw figures over all cases, from their numbers: 6, 8, 16 to 19, and two beyond the paper."""
+"""Draw figures that compare all cases: 6, 8, 16 to 19 of the paper, and two further ones."""
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ FIRST_RESONANCES = 10
 
 
 def velocity_cases(cases: pd.DataFrame) -> Picture:
-    """Draw Fig. 6: V_P by first peaks against void ratio, with its trend to FCC, and stress."""
+    """Draw Fig. 6: V_P by first peaks against void ratio (with trend to FCC) and stress."""
     producer, name = of_one_producer(cases["record"], "v_p_first_peaks_{record}_m_per_s")
     label = f"$V_P$, first peaks, {producer} (m/s)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
@@ -44,7 +44,7 @@ def velocity_cases(cases: pd.DataFrame) -> Picture:
 
 
 def _draw_trend(panel: Panel, cases: pd.DataFrame, name: str) -> None:
-    """Draw the line through a quantity of random packings over e, up to e of the crystal."""
+    """Draw the line through a quantity of random packings against e, up to e of the crystal."""
     random = random_of(cases)
     crystal = cases[cases["kind"] == "fcc"]
     if crystal.empty or len(random) < 2:
@@ -61,7 +61,7 @@ def _draw_trend(panel: Panel, cases: pd.DataFrame, name: str) -> None:
 
 
 def highest_frequency(cases: pd.DataFrame) -> Picture:
-    """Draw Fig. 8: highest natural frequency over that of FCC at the same stress."""
+    """Draw Fig. 8: highest natural frequency divided by that of FCC at the same stress."""
     crystal = cases[cases["kind"] == "fcc"]
     panel = Panel("stress (kPa)", "$f_{max}$ over that of FCC", xscale="log", legend="outside")
     over = ""
@@ -92,7 +92,7 @@ def low_pass_cases(cases: pd.DataFrame) -> Picture:
 
 
 def velocity_low_pass(cases: pd.DataFrame) -> Picture:
-    """Draw Fig. 17: f_low-pass, 2 %, against V_P by first peaks; slope through each group."""
+    """Draw Fig. 17: f_low-pass, 2 %, against V_P by first peaks, with the slope of each group."""
     producer, velocity, frequency = of_one_producer(
         cases["record"], "v_p_first_peaks_{record}_m_per_s", "f_low_pass_2_{record}_khz"
     )
@@ -154,7 +154,7 @@ def wavelength_cases(cases: pd.DataFrame) -> Picture:
 
 
 def gain_cases(cases: pd.DataFrame) -> Picture:
-    """Draw Fig. 19: gain factor of FCC and the lowest friction over stress; the resonances."""
+    """Draw Fig. 19: gain factor of FCC and of the lowest friction at all stresses."""
     groups_with_gain = styles(groups.with_curve(cases, "gain", "gain factor"))
     two_groups = [members for _, members, _ in groups_with_gain[:2]]
     upper = []
@@ -170,10 +170,10 @@ def gain_cases(cases: pd.DataFrame) -> Picture:
 
 
 def _draw_gains(rows: list[CaseResult], letter: str) -> Panel:
-    """Draw the gain factors of a group over the first resonance, each stress a decade lower.
+    """Draw gain factors of a group against frequency / first resonance, each stress a decade lower.
 
-    The curves of all stresses are nearly one. Those of random packings end where no more than
-    noise is received.
+    The curves of all stresses nearly coincide. Those of random packings end where only noise is
+    received.
     """
     title = f"{letter} {rows[0].group}"
     if len(rows) > 1:
@@ -197,7 +197,7 @@ def _draw_gains(rows: list[CaseResult], letter: str) -> Panel:
 
 
 def _draw_gain(row: CaseResult, letter: str) -> Panel:
-    """Draw the gain factor (receiver over source stress) of the springs, and the resonances.
+    """Draw the gain factor (receiver stress / source stress) without damping, and the resonances.
 
     Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway
     between the resonances sin kappa L = 0, not on them.
@@ -220,7 +220,7 @@ def _draw_gain(row: CaseResult, letter: str) -> Panel:
 
 
 def isostaticity(cases: pd.DataFrame) -> Picture:
-    """Draw three frequencies over the highest against contacts beyond isostaticity (no figure)."""
+    """Draw three frequencies divided by the highest against z - 4 (not in the paper)."""
     random = random_of(cases)
     contacts = numbers(random, groups.AXES[groups.BEYOND])
     highest = numbers(random, "f_max_khz")
@@ -247,10 +247,10 @@ def isostaticity(cases: pd.DataFrame) -> Picture:
 
 
 def scattering(cases: pd.DataFrame) -> Picture:
-    """Draw width of the ridge, mean free path, and the Ioffe-Regel limit (no figure of the paper).
+    """Draw width of the ridge, mean free path and Ioffe-Regel limit (not in the paper).
 
-    Frequencies are in units of V_P / D. Curves are of one stress, and end at the limit: beyond it
-    the width of the ridge is not that of a wave.
+    Frequencies are in units of V_P / D. All curves have the same stress, and end at the limit:
+    beyond it the ridge is no longer a wave.
     """
     members = groups.with_curve(cases, "ridge", "structure factor")
     # Most cases have this stress; of several such stresses it is the nearest to the common one.
@@ -278,5 +278,5 @@ def scattering(cases: pd.DataFrame) -> Picture:
 
 
 def _decades_from_common_stress(stress: float) -> float:
-    """Return how far a stress, Pa, is from the common one on a logarithmic axis."""
+    """Return the distance of a stress, Pa, from `COMMON_STRESS` on a logarithmic axis."""
     return abs(np.log(stress / COMMON_STRESS))

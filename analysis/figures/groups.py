@@ -91,7 +91,7 @@ def _shade(friction: float, frictions: list[float]) -> str:
 
 
 def random_of(cases: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases that are no crystals."""
+    """Return the cases that are not crystals."""
     return cases[cases["kind"] == "random"]
 
 

@@ -1,6 +1,6 @@
-"""Check whether a figure from a file can be drawn by Matplotlib: styles, texts, limits, lengths.
+"""Check whether Matplotlib can draw a figure from a file: styles, texts, limits, lengths.
 
-Figures that this program has just made need no check; a CSV file may have been edited elsewhere.
+Figures that this program has just made need no check, but a CSV file may have been edited.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -71,7 +71,7 @@ def _is_colour(value: Any) -> bool:
 
 
 def _check_words(words: Collection[str]) -> StyleCheck:
-    """Return the function that tells whether a value is one of these words."""
+    """Return a function that tests whether a value is one of these words."""
 
     def is_one_of_them(value: Any) -> bool:
         return isinstance(value, str) and value in words
@@ -113,7 +113,7 @@ STYLES: Final[Mapping[SeriesKind, tuple[str, ...]]] = {
 
 
 def drawable_text(text: str) -> str:
-    r"""Return a text that Matplotlib can draw: dollars that enclose no formula are escaped.
+    r"""Return a text that Matplotlib can draw: escape dollars that do not enclose a formula.
 
     >>> drawable_text(r"$\chi_z$"), drawable_text(r"cost$ \of $grain")
     ('$\\chi_z$', 'cost\\$ \\of \\$grain')
@@ -126,13 +126,13 @@ def drawable_text(text: str) -> str:
 
 
 def refuse_undrawable(picture: Picture, path: object) -> None:
-    """Raise InputError, which names what is wrong, for a picture that cannot be drawn."""
+    """Raise InputError, which names the fault, for a picture that cannot be drawn."""
     for fault in _find_faults(picture):
         raise InputError("figure", f"{path}: {fault}", remedy="draw the figure again")
 
 
 def _find_faults(picture: Picture) -> Iterator[str]:
-    """Yield what is wrong with a picture. Later checks rely on the earlier ones having passed."""
+    """Yield the faults of a picture. Later checks assume that earlier ones have passed."""
     count = len(picture.panels)
     if not 0 < count <= MAX_PANELS:
         yield f"{count} panels"
@@ -150,7 +150,7 @@ def _find_faults(picture: Picture) -> Iterator[str]:
 
 
 def _find_faults_of_panel(panel: Panel) -> Iterator[str]:
-    """Yield what is wrong with the limits, the scales and the legend of a panel."""
+    """Yield the faults of the limits, the scales and the legend of a panel."""
     axes = (("x", panel.xlim, panel.xscale), ("y", panel.ylim, panel.yscale))
     for name, limits, scale in axes:
         if limits is None:
@@ -169,7 +169,7 @@ def _find_faults_of_panel(panel: Panel) -> Iterator[str]:
 
 
 def _find_faults_of_series(series: Series) -> Iterator[str]:
-    """Yield what is wrong with the style, the lengths and the numbers of a series."""
+    """Yield the faults of the style, the lengths and the numbers of a series."""
     for word, value in series.style.items():
         if word not in STYLES[series.kind] or not STYLE_CHECKS[word](value):
             yield f"style {word} of a {series.kind} is {value!r}"

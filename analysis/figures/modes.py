@@ -1,4 +1,4 @@
-"""Draw figures 7, 9 and 10: natural frequencies, what the modes move, and their shapes."""
+"""Draw figures 7, 9 and 10: natural frequencies, directions of motion, and mode shapes."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ MAX_ORDER_OF_SINE = 20
 def natural_frequencies(m: PackingData) -> Picture:
     """Draw Fig. 7: cumulative share and density of natural frequencies, also without rotations.
 
-    They are those of all modes if the file has them, else of the density of states.
+    They are read from a list of all modes if there is one, else from the density of states.
     """
     modes = m.case.read("modes")
     translations = m.case.read("translations.modes")
@@ -78,9 +78,9 @@ def _draw_spectrum(left: Panel, right: Panel, frequency: Floats, label: str, sty
 
 
 def chi_z(m: PackingData) -> Panel:
-    """Draw Fig. 9: chi_z (Eq. 2) of the modes in the files: all particles, the chain, the paper's.
+    """Draw Fig. 9: chi_z (Eq. 2) of modes: of all particles, of the chain, and of the paper.
 
-    Where no mode of a random packing was computed, up to 20 kHz, the panel is shaded.
+    The panel is shaded where no modes of a random packing were computed, up to 20 kHz.
     """
     modes = m.case.needed("modes")
     panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.label, ylim=(-0.03, 1.12))
@@ -109,7 +109,7 @@ def chi_z(m: PackingData) -> Panel:
 
 
 def _mark_waves_across(panel: Panel, m: PackingData) -> None:
-    """Mark where the first waves fit across a random packing.
+    """Mark the frequencies at which the first waves fit across a random packing.
 
     Below these frequencies only waves along the packing exist.
     """
@@ -181,7 +181,7 @@ def mode_shapes(m: PackingData) -> Picture:
 
 
 def _shown_orders(count: int, wanted: tuple[int, ...]) -> list[int]:
-    """Return the orders to draw of `count` shapes; further ones in the place of missing ones."""
+    """Return the orders to draw, of `count` shapes; others replace missing ones."""
     orders = sorted({min(order, count) for order in wanted})
     missing = len(wanted) - len(orders)
     further = [order for order in FURTHER_ORDERS if order < count]

@@ -1,10 +1,10 @@
-"""Hold a figure as data: panels of series, written to one CSV from which alone it is drawn again.
+"""Hold a figure as data: panels of series, written to a CSV from which it can be redrawn.
 
 The CSV begins with lines `# {...}`, JSON: one for the picture, one for each panel and each series
 (labels, units in the axis labels, line styles). Then come the numbers, a row for each point: panel,
-series, x, y, z. The x of a map stand in the line of its series; each of its rows has y, and all z
-of this y with blanks between. Numbers are rounded before anything is drawn, so the file holds all
-that the picture shows, and a second drawing gives the same picture.
+series, x, y, z. The x of a map are in the line of its series; each of its rows has y, and all z of
+this y separated by blanks. Numbers are rounded before drawing, so that the file contains everything
+that the picture shows, and redrawing gives the same picture.
 """
 
 import csv
@@ -49,7 +49,7 @@ class Series:
     x, y : ndarray (n,)
         In the units of the labels of the panel's axes.
     z : ndarray (n,) or (ny, nx), or None
-        Third coordinate, where the kind has one.
+        Third coordinate, if the kind has one.
     label : str
         Entry of the legend; none if empty.
     style : dict
@@ -83,7 +83,7 @@ LINE_WIDTH_ON_MAP = 1.5
 
 
 class Style(TypedDict, total=False):
-    """Words of Matplotlib's style that a series may have (`analysis.figures.looks`)."""
+    """Matplotlib's style keywords that a series may have (`analysis.figures.looks`)."""
 
     color: str
     mec: str
@@ -142,7 +142,7 @@ class Panel:
     def line_on_map(
         self, x: ArrayLike, y: ArrayLike, label: str = "", **style: Unpack[Style]
     ) -> None:
-        """Append a curve with a white one beneath, which stands out from any shade of a map."""
+        """Append a curve with a white one beneath, visible on any shade of a map."""
         style.setdefault("lw", LINE_WIDTH_ON_MAP)
         self.line(x, y, color="w", lw=style["lw"] + 2)
         self.line(x, y, label, **style)
@@ -152,7 +152,7 @@ class Panel:
         self.add("hline", [0], [y], None, label, **style)
 
     def vlines(self, x: ArrayLike, label: str = "", **style: Unpack[Style]) -> None:
-        """Append upright lines at x (n,)."""
+        """Append vertical lines at x (n,)."""
         self.add("vline", x, np.zeros(np.shape(x)), None, label, **style)
 
     def band(
@@ -174,7 +174,7 @@ class Picture:
 
     @property
     def shown(self) -> bool:
-        """Tell whether any case has a point; straight lines and a legend alone are none."""
+        """Whether any case has a point; straight lines and a legend do not count."""
         for panel in self.panels:
             for series in panel.series:
                 straight = series.kind in ("vline", "hline")
@@ -184,7 +184,7 @@ class Picture:
 
 
 def columns_for(count: int) -> int:
-    """Return the number of columns that leaves no part of a grid of panels blank.
+    """Return the number of columns of a grid of `count` panels without blank places.
 
     1, 2, 3, 2 x 2, then three in a row.
     """
@@ -194,7 +194,7 @@ def columns_for(count: int) -> int:
 
 
 def merged(panels: list[Panel]) -> list[Panel]:
-    """Join panels of one title: one panel with the series of all, in limits that cover theirs."""
+    """Join panels with the same title into one panel with all series and the widest limits."""
     panels_by_title: dict[str, list[Panel]] = {}
     for panel in panels:
         panels_by_title.setdefault(panel.title, []).append(panel)
@@ -241,7 +241,7 @@ def write_picture(path: Path, picture: Picture) -> None:
 
 
 def _texts_of_points(series: Series) -> Iterator[tuple[str, str, str]]:
-    """Yield x, y and z of each point, and of each row of a map, as the CSV has them."""
+    """Yield x, y and z of each point, and of each row of a map, as text for the CSV."""
     x: Iterable[str] = map(_text, series.x)
     y = map(_text, series.y)
     z: Iterable[str] = repeat("")
@@ -274,7 +274,7 @@ Points = dict[tuple[int, int], list[list[str]]]
 
 
 def _read_points(lines: Iterable[str]) -> Points:
-    """Return the points below the heads; `MismatchError` if a row has too few or many cells."""
+    """Return the points after the heads; `MismatchError` if a row has too few or many cells."""
     points: Points = {}
     for number, row in enumerate(csv.reader(lines)):
         if number == 0:
@@ -309,7 +309,7 @@ def _picture_of_heads(heads: list[Any], points: Points) -> Picture:
 
 
 def _head(head: Any, name: str) -> dict[str, Any] | None:
-    """Return the fields of the head of a picture, a panel or a series; None if of another one."""
+    """Return the fields of the head of a picture, panel or series `name`; None for another head."""
     if not isinstance(head, dict) or list(head) != [name]:
         return None
     return by_name(head[name], Any, name)
@@ -321,7 +321,7 @@ def _kinds_of_fields(owner: type, but: str) -> dict[str, Any]:
 
 
 def _panel_of_head(head: dict[str, Any]) -> Panel:
-    """Return a panel without its series, which have heads of their own."""
+    """Return a panel without its series, which have their own heads."""
     if not head.get("series"):
         head = {name: value for name, value in head.items() if name != "series"}
     kinds = _kinds_of_fields(Panel, but="series")
@@ -343,10 +343,10 @@ def _series_of_head(head: dict[str, Any], rows: list[list[str]]) -> Series:
 
 
 def _rounded(values: ArrayLike, digits: int = COORDINATE_DIGITS) -> Floats:
-    """Return numbers (n,) with so many significant digits."""
+    """Return numbers (n,) rounded to `digits` significant digits."""
     return np.array([float(_text(value, digits)) for value in np.ravel(values)])
 
 
 def _text(value: float, digits: int = COORDINATE_DIGITS) -> str:
-    """Return a number with so many significant digits."""
+    """Return a number as text with `digits` significant digits."""
     return f"{value:.{digits}g}"

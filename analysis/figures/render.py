@@ -68,7 +68,7 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
 
 
 def _draw_legend(ax: Axes, panel: Panel) -> None:
-    """Draw the legend of a panel, inside of the axes or beside them."""
+    """Draw the legend of a panel, inside the axes or beside them."""
     place: dict[str, Any] = {"loc": panel.legend}
     if panel.legend == OUTSIDE:
         place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0}
@@ -97,7 +97,7 @@ def _plain_numbers(axis: Axis) -> None:
 
 
 def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
-    """Draw one series; `colour_label` stands beside the bar of its colours, if it has one."""
+    """Draw one series; `colour_label` is the label of its colour bar."""
     x = series.x
     y = series.y
     z = series.z
@@ -168,7 +168,7 @@ def to_figure(picture: Picture) -> Figure:
 
 
 def write_png(figure: Figure, path: Path) -> None:
-    """Save a figure with a palette of `PALETTE_COLOURS`, at a third of the size without one."""
+    """Save a figure with `PALETTE_COLOURS` colours, which takes a third of the size."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")

@@ -40,7 +40,7 @@ FIRST_COMPARED_FREQUENCY = 0.3
 
 
 def velocity_frequency(m: PackingData) -> Panel:
-    """Draw Fig. 11: phase and group velocity of the linear wave (layers) and of modes; dL/dt."""
+    """Draw Fig. 11: phase and group velocity of the linear wave and of modes, and first peaks."""
     top = 0.9 * scale(m)
     speed = longest(m, "linear").value
     lowest_resonance = LOW_ORDER * speed / (2 * m.network.length)
@@ -112,7 +112,7 @@ def dispersion(m: PackingData) -> Panel:
 
 
 def _layers_as_chain(m: PackingData) -> Signals:
-    """Return the record of the means of layers: the scatter of a chain hides the ridge."""
+    """Return the record with means of layers as chain: scatter of a chain hides the ridge."""
     record = m.shown
     if record.layer_displacement is None:
         record = m.linear
@@ -126,7 +126,8 @@ def _layers_as_chain(m: PackingData) -> Signals:
 def _draw_map(panel: Panel, record: Signals, top: float, widest: float) -> None:
     """Draw amplitudes up to a frequency `top`, Hz, and a wave number `widest`, 1/m.
 
-    Each frequency is divided by what the source sends, so that what is left of it is seen.
+    Each frequency is divided by the spectrum of the source, so that the map shows the transmitted
+    share.
     """
     frequency, kappa, spectrum = frequency_wavenumber(
         record.chain_displacement, record.time, record.chain_position
@@ -176,7 +177,7 @@ def _draw_dispersion_of_random(panel: Panel, m: PackingData, kappa: Floats) -> N
 def _end_of_ridge(m: PackingData) -> float:
     """Return the frequency, Hz, at which the coherent wave leaves the modes' ridge, else infinity.
 
-    Beyond it the means of layers hold no wave of a single wave number.
+    Beyond it the means of layers have no wave with a single wave number.
     """
     frequency, kappa = standing_waves(m)
     if m.case.read("structure") is None or len(frequency) < MIN_RIDGE_MODES:

@@ -93,24 +93,24 @@ def _thin(count: int) -> slice:
 
 
 def producer_name(producer: str) -> str:
-    """Return what a legend calls the program that has made a record."""
+    """Return the name, for a legend, of the program that has made a record."""
     return {"yade": "YADE", "linear": "linear wave"}.get(producer, producer)
 
 
 def _nearest(m: PackingData, record: Signals, distance: float) -> tuple[int, float]:
-    """Return the chain's particle nearest to a distance, D: its index, and its own distance."""
+    """Return index and distance, D, of the chain's particle nearest to a given distance, D."""
     depth = (record.chain_position - m.network.wall_position[0]) / m.diameter
     index = int(np.argmin(abs(depth - distance)))
     return index, float(depth[index])
 
 
 def _last_time(m: PackingData, record: Signals) -> float:
-    """Return the time, s, up to which motions are drawn: before the reflection is back at 100 D."""
+    """Return the time, s, up to which motions are drawn: before the reflection returns to 100 D."""
     return min(float(record.time[-1]), MAX_SHOWN_PASSAGES * m.affine_passage)
 
 
 def _signal(m: PackingData, distance: float) -> Panel:
-    """Draw the motion of a particle at a distance, D: the record, and theory or linear wave."""
+    """Draw the motion of a particle at a distance, D: recorded, and by theory or linear wave."""
     record = m.shown
     index, depth = _nearest(m, record, distance)
     title = f"{m.label}, {depth:.0f} D, pulse {record.input_frequency / 1e3:.3g} kHz"
@@ -152,10 +152,10 @@ def signals(m: PackingData) -> Picture:
 
 
 def signals_stress(m: PackingData) -> Picture:
-    """Draw Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction.
+    """Draw Fig. 4: displacement at 50 D from the source wall, 100 kHz; one panel a friction.
 
     Time is divided by the travel time of long waves, so that the first arrivals of all stresses
-    are at one place.
+    coincide.
     """
     record = m.case.read("100kHz.signals") or m.shown
     index, depth = _nearest(m, record, distances(m)[1])
@@ -185,7 +185,7 @@ def _stress_line(stress: float) -> tuple[str, str]:
 
 
 def space_time(m: PackingData) -> Panel:
-    """Draw Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
+    """Draw Fig. 5: displacement against distance and time, with the velocity of long waves."""
     record = cut(m.shown, _last_time(m, m.shown))
     z = 1e3 * (record.chain_position - m.network.wall_position[0])
     times = _thin(len(record.time))
@@ -205,7 +205,7 @@ def space_time(m: PackingData) -> Panel:
 
 
 def spectrum_distance(m: PackingData) -> Panel:
-    """Draw Figs. 12 and 13: spectra of a chain over distance, and where they fall to 2 and 1 %."""
+    """Draw Figs. 12 and 13: spectra along a chain, and where they fall to 2 and 1 %."""
     band = passband(m)
     record = m.shown
     band_edges = edges(m, "yade" if m.yade else "linear")
@@ -240,9 +240,9 @@ def spectrum_distance(m: PackingData) -> Panel:
 
 
 def _firm_order(m: PackingData, record: Signals, distance: Floats) -> Ints:
-    """Return the chain's particles by distance (k,), in a random packing without loose ones.
+    """Return the chain's particles (k,) sorted by distance, without loose ones in random packings.
 
-    A sphere that little holds swings by itself and would be an outlying column.
+    A loosely held sphere swings by itself and would be an outlier in the map.
     """
     order = np.argsort(distance)
     if m.crystal:
@@ -251,7 +251,7 @@ def _firm_order(m: PackingData, record: Signals, distance: Floats) -> Ints:
 
 
 def _top_frequency(m: PackingData, highest: float, band_edges: list[Value]) -> float:
-    """Return the highest frequency that is drawn, Hz, with room for a legend above the edges."""
+    """Return the highest frequency to draw, Hz, with room for a legend above the band edges."""
     share = 0.8 if m.crystal else 0.4
     tops = [share * highest]
     tops += [1.4 * edge.value for edge in band_edges if np.isfinite(edge.value)]

@@ -3,8 +3,8 @@
 Two waves whose source moves by +d(t) and by -d(t) have the displacements u+ and u-. Their odd part,
 (u+ - u-) / 2, is that of a linear wave except for terms of third order in the amplitude. Their even
 part, (u+ + u-) / 2, is of second order: it has the harmonics, the drift, and the motion of a
-packing that is not quite at rest. Slip and opening have no order: they begin at contacts that are
-near their limit.
+packing that is not quite at rest. Slip and opening are not of any order: they begin at contacts
+that are near their limit.
 """
 
 from functools import partial
@@ -48,7 +48,7 @@ then has eight records a period."""
 
 
 class Responses(NamedTuple):
-    """Results of two waves with opposite motions of the wall, each over the amplitudes (na,).
+    """Results of two waves with opposite motions of the wall, at each of the amplitudes (na,).
 
     The first fields are the quantities of `AMPLITUDE`. time_step: s. step_error: the relative error
     from the time steps. noise: the packing's motion without a wave, divided by that of the wave.
@@ -121,7 +121,7 @@ def _respond(packing: PackingData, amplitude: float) -> tuple[float, ...]:
 
 
 def _count_sharing(energy: Floats | None) -> float:
-    """Return how many contacts share the energy that slip dissipates; 0 if nothing slides."""
+    """Return the participation number of contacts in the dissipation; 0 if nothing slides."""
     if energy is None or not energy.any():
         return 0.0
     return float(energy.sum() ** 2 / (energy**2).sum())

@@ -60,11 +60,11 @@ the anisotropy.
 def measure_of_moduli(
     packing: PackingData, unit: str, function: Callable[[ElasticModuli], float]
 ) -> Value:
-    """Measure a number that follows from the moduli, in a unit of `MODULUS_POWER`.
+    """Measure a number that follows from the moduli; `unit` is a key of `MODULUS_POWER`.
 
-    Its error is that of the solver (`fit`) and that of the ends of the slab in which the moduli are
-    measured (`length`): in tests with slabs of repeated cells, whose stiffness is known, the error
-    of the stiffness was twice its asymmetry.
+    The error combines that of the solver (`fit`) and that of the ends of the slab in which the
+    moduli are measured (`length`): in tests with slabs of repeated cells, whose stiffness is known,
+    the error of the stiffness was twice its asymmetry.
     """
     moduli = packing.moduli
     value = float(function(moduli))

@@ -2,9 +2,9 @@
 
 The errors were measured on packings of 300, 400 and 500 spheres whose positions were rounded. If e
 is the error of the overlaps (root mean square divided by the median), the bulk and the shear
-modulus were off by at most 1.2 e^2 + 0.1 e, velocities by half of this, the highest frequency by
-e / 8, the coordination number by 0.15 e, attenuation and quality by e. Moduli have a further error
-(`modal.elasticity.few_digits`). Of spheres from a scan, errors follow from the moduli and the
+modulus were off by at most 1.2 e^2 + 0.1 e, velocities by half of this, the highest frequency by e
+/ 8, the coordination number by 0.15 e, attenuation and quality by e. Moduli have a further error
+(`modal.elasticity.few_digits`). For spheres from a scan, errors follow from the moduli and the
 coordination number at other tolerances (`modal.packing.scan`).
 """
 
@@ -58,7 +58,7 @@ def relative_error_by_digits(network: Network, name: str, unit: str) -> float:
 
 
 def _relative_error_of_scan(network: Network, name: str, unit: str) -> float:
-    """Return the relative error of a quantity of scanned spheres, as `relative_error_by_digits`."""
+    """Return the relative error of a quantity for scanned spheres, due to the assumptions."""
     if name == "coordination":
         return _coordination_error(network)
     if unit == "Pa":

@@ -21,7 +21,7 @@ a resonance between two held walls, 1 the next maximum."""
 
 @cached_on_packing
 def gain_of(packing: PackingData) -> Response:
-    """Return the undamped response to P-waves from wall to wall, which has the gain factor."""
+    """Return the response to P-waves from wall to wall without damping; it contains the gain."""
     packing.require_walls()
     return kept_file(packing, "response") or compute_spectrum(packing, "response")
 
@@ -32,7 +32,7 @@ def gain_of(packing: PackingData) -> Response:
     spectrum="response",
 )
 def gain(packing: PackingData) -> Value:
-    """Measure the gain factor of P-waves without damping, over frequency."""
+    """Measure the gain factor of P-waves without damping at each frequency."""
     response = gain_of(packing)
     caveat = Caveat("gain_resolution", {"width": hertz(response.resolution)})
     caveats = (caveat, *packing.of_waves)
@@ -41,7 +41,7 @@ def gain(packing: PackingData) -> Value:
 
 
 def step_of_gain(response: Response) -> Step:
-    """Return the frequencies over which the gain is known, and its first maximum, as a step."""
+    """Return a step with the frequency range of the gain, and its first maximum."""
     frequency, height = maxima(response.frequency, response.gain)
     numbers = {
         "lowest": response.frequency[0],
@@ -76,10 +76,10 @@ def first_resonance(packing: PackingData) -> float:
 def orders(packing: PackingData) -> Floats:
     """Return the maxima (k,) of the gain as orders r of a column with both walls held, f = r f_1.
 
-    The order of a maximum is interpolated between the measured resonances, which include
-    dispersion: it is the r at which a standing wave has this frequency. The source wall is free of
-    stress, so that 1/2, 3/2, ... are expected. The list ends at the first maximum that is missing
-    or one too many, where orders are off by one.
+    The order of a maximum is the r at which a standing wave has its frequency, interpolated between
+    the measured resonances, which include dispersion. The source wall is free of stress, so that
+    1/2, 3/2, ... are expected. The list ends at the first missing or additional maximum, after
+    which orders would be wrong by one.
     """
     frequency = gain_of(packing).gain_maxima()
     end = low_pass_2(packing)
@@ -103,7 +103,7 @@ def orders(packing: PackingData) -> Floats:
 
 
 def height(packing: PackingData) -> str:
-    """Describe the gain at its first maximum, the resolution, and an undamped column's gain."""
+    """Describe the gain at its first maximum, its resolution, and that of an undamped column."""
     response = gain_of(packing)
     heights = maxima(response.frequency, response.gain)[1]
     if not len(heights):

@@ -1,4 +1,4 @@
-"""Measure what a packing is at rest: its density, contacts, order and forces."""
+"""Measure the state of a packing at rest: its density, contacts, order and forces."""
 
 from collections.abc import Callable
 
@@ -116,7 +116,7 @@ EXACT: dict[str, tuple[Callable[[Network], float], str]] = {
 
 
 def _exact(function: Callable[[Network], float]) -> Callable[[PackingData], Value]:
-    """Return a function of the packing that measures a number of its network, without an error."""
+    """Return a function that measures an exact number of a packing's network, without error."""
 
     def measure(packing: PackingData) -> Value:
         return Value(float(function(packing.network)), "1")
@@ -158,7 +158,7 @@ def crystalline_share(packing: PackingData) -> Value:
 
 @on_request("1", definition="void ratio away from the walls")
 def void_ratio_of_bulk(packing: PackingData) -> Value:
-    """Measure the mean void ratio over the layers that no wall orders.
+    """Measure the mean void ratio over the layers away from the walls, which order the spheres.
 
     If the packing has a free surface, measure it in the core.
     """
@@ -176,7 +176,7 @@ def void_ratio_of_bulk(packing: PackingData) -> Value:
 
 @on_request("1", definition="largest deviation of a principal stress from its target")
 def stress_error(packing: PackingData) -> Value:
-    """Measure how far the principal stresses are from the stress that the packing's notes state."""
+    """Measure the deviation of the principal stresses from the target in the packing's notes."""
     target = note(packing.network, "stress")
     if not target > 0:
         return unknown("1", Caveat("no_stated_stress"))

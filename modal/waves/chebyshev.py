@@ -142,7 +142,7 @@ class Expansion:
     def __init__(
         self, response: Callable[[Floats], Floats], time: Floats, moved: Floats, top: float
     ) -> None:
-        """Expand `response`, which returns y (nw, nt), m s^2, for omega^2 (nw,), 1/s^2."""
+        """Expand `response`, which maps omega^2 (nw,), 1/s^2, to y (nw, nt), m s^2."""
         min_orders = math.ceil(orders_of(top, float(time[-1])))
         # At most 31 times a power of two, of which the Fourier transform is fast.
         power_of_two = 1 << (min_orders.bit_length() - 5)
@@ -164,7 +164,7 @@ class Expansion:
         return float(self._left[min(orders, len(self._left) - 1)])
 
     def orders(self, left: float) -> int:
-        """Return the smallest number of orders that leaves at most `left`, or round-off."""
+        """Return the least number of orders whose remaining sum is at most `left`, or round-off."""
         return int(np.argmax(self._left <= max(left, self._left[-1])))
 
     def add(self, record: Floats, rows: Floats, first: int) -> None:
@@ -239,7 +239,7 @@ class Resolvent:
         return float(max(left, ROUND_OFF * self._sum.max()))
 
     def orders(self, left: float) -> int:
-        """Return the smallest number of orders that leaves at most `left`, or round-off."""
+        """Return the least number of orders whose remaining sum is at most `left`, or round-off."""
         share = np.maximum(left, ROUND_OFF * self._sum.max()) / self._sum
         return int(np.ceil((-np.log(share) / self._log.real).max(initial=0.0)))
 

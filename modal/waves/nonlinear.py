@@ -267,7 +267,7 @@ class NonlinearRuns:
         )
 
     def run(self, steps_per_record: int, *, driven: bool = True) -> NonlinearWave:
-        """Run once, with so many steps from record to record; the source rests if not `driven`."""
+        """Run once, with `steps_per_record` steps between records; the source may be undriven."""
         started = clock.perf_counter()
         n_records = len(self.time)
         time_step = self.interval / steps_per_record
