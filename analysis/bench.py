@@ -1,9 +1,9 @@
-"""A bench test of a packing with two transducers: travel times and velocities, as laboratories.
+"""Test a packing with two transducers, as laboratories do: travel times and velocities.
 
-A disc of spheres sends sine bursts, a second one above it receives them. The velocity is the
-distance from tip to tip, which is that of the mean centres of the spheres, divided by the travel
-time of each rule (`analysis.estimators.arrival_rules`). Beside them stand the velocities of the
-longest waves, by the elastic moduli: what the bench should give.
+A disc of spheres sends sine bursts, and a second disc above it receives them. The velocity is the
+tip-to-tip distance, between the mean centres of the spheres of both discs, divided by the travel
+time of each rule (`analysis.estimators.arrival_rules`). For comparison, the velocities of the
+longest waves follow from the elastic moduli: the bench test should give these.
 """
 
 from __future__ import annotations
@@ -54,11 +54,12 @@ class TransducerRow:
     ----------
     rule : str
     frequency : float
-        Hz.
+        Frequency of the burst, Hz.
     velocity : Value
-        m/s, with its error and caveats.
+        Velocity, m/s, with its error and caveats.
     near_field : float
-        Distance divided by the wavelength of the longest waves' velocity at this frequency.
+        Distance divided by the wavelength at this frequency, computed with the velocity of the
+        longest waves.
     """
 
     rule: Rule
@@ -67,7 +68,7 @@ class TransducerRow:
     near_field: float
 
     def as_json(self) -> dict[str, Any]:
-        """Return the row as JSON has it; unknown numbers are None."""
+        """Return the row for JSON; unknown numbers are None."""
         return {
             "rule": self.rule,
             "frequency_hz": self.frequency,
@@ -109,7 +110,7 @@ class TransducerTest:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Return the test as JSON has it."""
+        """Return the test for JSON."""
         return {
             "rows": [row.as_json() for row in self.rows],
             "v_p": plain(self.v_p),
@@ -128,10 +129,10 @@ def transducers(
     direction: Direction = "x",
     cycles: int = 1,
 ) -> TransducerTest:
-    """Test a packing with two discs of spheres, one above the other, and read it by all rules.
+    """Send bursts between two discs of spheres in a packing, and read travel times by all rules.
 
     The source is a plate that moves by a burst of a sine; the receiver is a disc of spheres that
-    move freely. Both stand in the middle of the cross-section. Contacts are linear springs.
+    move freely. Both are in the middle of the cross-section. Contacts are linear springs.
 
     Parameters
     ----------
@@ -140,7 +141,8 @@ def transducers(
     at : pair of float
         Heights z of source and receiver, m.
     frequencies_hz : sequence of float, optional
-        Frequencies of the bursts, Hz; by default those of waves of 25, 12, 8 and 6 diameters.
+        Frequencies of the bursts, Hz; by default those of waves that are 25, 12, 8 and 6 diameters
+        long.
     radius : float, optional
         Radius of the discs, m; by default a quarter of the packing's smaller width.
     direction : str, default "x"
@@ -156,7 +158,7 @@ def transducers(
     Raises
     ------
     InputError
-        If the discs hold no spheres or are at one height, or a frequency is not positive.
+        If a disc has no spheres, if both are at the same height, or if a frequency is not positive.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Set how computed waves are sent and recorded, and refuse records that cannot be read."""
+"""Set length and interval of computed records, and refuse records that cannot be used."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ MIN_CHAIN_PARTICLES = 10
 
 
 def record_length(affine_passage: float, direction: str) -> float:
-    """Return the length of a record, s, whose wall moves along a direction.
+    """Return the length of a record, s, for a wall that moves along a direction.
 
     `affine_passage` is the time, s, that the affine wave takes from wall to wall.
     """

@@ -59,7 +59,7 @@ def write_result(path: Path, result: CaseResult) -> None:
 
 
 def read_result(path: str | Path) -> CaseResult:
-    """Read a result, of this or of the first version; InputError if the file is no result."""
+    """Read a result, of this or of the first version; InputError if it is not a result."""
     text = read_text(path)
     try:
         return _parse(parsed(text))
@@ -133,8 +133,8 @@ def read_results(folder: Path) -> list[CaseResult]:
     """Read all results in a folder, with the scatter of each case over those of other seeds.
 
     The results of other seeds lie in subfolders `seed_*`. A result that states its scatter keeps it
-    if there is no other seed. Raises InputError for a file that is no result, and for two results
-    of one case.
+    if there is no other seed. Raises InputError for a file that is not a result, and for two
+    results of the same case.
     """
     results = [read_result(path) for path in sorted(folder.glob("*.json"))]
     names = [result.name for result in results]

@@ -1,8 +1,7 @@
-"""Compare packings: a mean is meaningful only over samples of one state.
+"""Compare packings: a mean makes sense only over samples of the same state.
 
-The compared properties are measured on the contact networks; where nothing can be measured, the
-note that a program left in a file is compared. If a packing does not have a property, the others
-are compared.
+The compared properties are measured on the contact networks; if a property cannot be measured, the
+program's note in the file is compared instead. Only properties that all packings have are compared.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +32,7 @@ class Number(NamedTuple):
 
 @dataclass(frozen=True)
 class Property:
-    """A property of a packing in which samples of one state may differ a little.
+    """A property in which samples of the same state may differ only a little.
 
     Attributes
     ----------
@@ -45,7 +44,7 @@ class Property:
         Difference that is allowed beyond the errors of the means: a share of the largest value if
         `relative`, else in the unit of the values.
     relative : bool
-        See `tolerance`.
+        Whether `tolerance` is a share of the largest value.
     """
 
     words: str
@@ -55,7 +54,7 @@ class Property:
 
 
 class Difference(NamedTuple):
-    """A property, by its code, in which packings are not samples of one state."""
+    """A property, by its code, that shows that packings are not samples of the same state."""
 
     code: str
     smallest: float
@@ -63,7 +62,7 @@ class Difference(NamedTuple):
     allowed: float
 
     def as_json(self) -> dict[str, Any]:
-        """Return the code of the property and its numbers, as JSON has them."""
+        """Return the code of the property and its numbers, for JSON."""
         return plain(self._asdict())
 
     def __str__(self) -> str:
@@ -75,7 +74,7 @@ UNKNOWN = Number(np.nan)
 
 
 def note(network: Network, name: str) -> float:
-    """Return the number in a free note of a network; NaN without such a note."""
+    """Return the number in a note of a network; NaN without such a note."""
     noted = network.study.get(name)
     if isinstance(noted, int | float | np.number) and not isinstance(noted, bool):
         return float(noted)
@@ -108,7 +107,7 @@ def _size_of_stress(network: Network) -> Number:
 
 
 def _part_of_stress(row: int, column: int) -> Callable[[Network], Number]:
-    """Return a function that measures a component of the stress divided by its size.
+    """Return a function that measures a component of the stress divided by the rms stress.
 
     A shear stress has an error, because no preparation controls it.
     """
@@ -160,7 +159,7 @@ def _stiffness_ratio(network: Network) -> Number:
 
 
 def _law(network: Network) -> Number:
-    """Measure force / (stiffness times overlap), which tells the contact law.
+    """Measure force / (stiffness times overlap), which identifies the contact law.
 
     It is 2/3 for the law of Hertz, and 1 for a linear one.
     """
@@ -180,7 +179,7 @@ def _resistance_to_turning(network: Network) -> Number:
 
 
 def _coordination(network: Network) -> Number:
-    """Measure the mean number of contacts of force-bearing spheres, which tells their history."""
+    """Measure the mean number of contacts of force-bearing spheres, which depends on history."""
     bearing = force_bearing(network)
     if not bearing.any():
         return UNKNOWN
@@ -244,12 +243,12 @@ State = Mapping[str, Number]
 
 
 def state_of(network: Network) -> State:
-    """Measure all properties that samples of one state have in common."""
+    """Measure all properties that samples of the same state have in common."""
     return {code: each.measure(network) for code, each in SAME_STATE.items()}
 
 
 def differences(states: Sequence[State]) -> list[Difference]:
-    """Return the properties in which packings differ by more than samples of one state."""
+    """Return the properties in which packings differ by more than samples of the same state."""
     different = []
     for code, each in SAME_STATE.items():
         numbers = [one.get(code, UNKNOWN) for one in states]

@@ -1,6 +1,7 @@
-"""Notice another package named `modal` in the place of ours, before anything is taken from it.
+"""Notice that another package named `modal` is installed, before it is used.
 
-PyPI's `modal` is an unrelated package; pip lets it replace ours in an environment without a word.
+PyPI's `modal` is an unrelated package; pip lets it replace this project's package without a
+warning.
 """
 
 import sys
@@ -13,7 +14,7 @@ OUR_NAME = '__distribution__ = "granular-wave-modes"'
 
 
 def describe_other_modal() -> str | None:
-    """Return the line that says which package stands in the place of our `modal`; None if none."""
+    """Return a line that names a package that replaces this project's `modal`, or None."""
     spec = find_spec("modal")
     remedy = "pip uninstall modal, then pip install --force-reinstall granular-wave-modes"
     if spec is None or not spec.origin:
@@ -26,7 +27,7 @@ def describe_other_modal() -> str | None:
 def run(argv: Sequence[str] | None = None, package: str = "modal") -> int:
     """Run one command of `modal` or `analysis` and return its exit status.
 
-    The status is 2, with one line on stderr, if another `modal` is in the place of ours.
+    The status is 2, with one line on stderr, if another package named `modal` is found.
     """
     other = describe_other_modal()
     if other:

@@ -1,4 +1,4 @@
-"""Keep costly spectra of a packing in files: gain, density of states, structure factor.
+"""Store costly spectra of a packing in files: gain, density of states, structure factor.
 
 Each spectrum is computed from the contact network alone. `measure --keep` writes it, and a later
 call reads it.
@@ -46,7 +46,7 @@ number of layers."""
 
 
 class Maker(NamedTuple):
-    """The functions that compute a spectrum of a network, and that write it."""
+    """A function that computes a spectrum of a network, and one that writes it."""
 
     compute: Callable[..., Any]
     write: Callable[..., None]
@@ -62,9 +62,10 @@ MAKERS: dict[SpectrumKind, Maker] = {
 def kept_file(packing: PackingData, kind: SpectrumKind) -> Any:
     """Return the spectrum in a file: a file of the case, or one in the folder `packing.keep`.
 
-    In the folder, a file that is missing or out of date is written first. If it cannot be written,
-    the spectrum is returned nevertheless, and `packing.not_kept` says why. None if there is no file
-    and no folder. For a crystal only the response is kept in the folder.
+    A file that is missing in the folder or out of date is computed and written first. If it cannot
+    be written, the spectrum is returned nevertheless, and `packing.not_kept` says why. The result
+    is None if there is no file and no folder. For a crystal only the response is stored in the
+    folder.
     """
     case = packing.case
     if packing.keep is None:
@@ -113,7 +114,7 @@ def _kept_case(packing: PackingData, folder: Path) -> Case:
 
 
 def _provenance(case: Case, kind: SpectrumKind, settings: dict[str, Any]) -> Provenance:
-    """Return the note on how a spectrum in the folder is made."""
+    """Return the provenance of a spectrum in the folder."""
     command = f"python -m analysis measure {case.packing_path.name} --keep DIR"
     if kind == "response":
         settings = {**settings, "pre_stress": "none"}
@@ -121,7 +122,7 @@ def _provenance(case: Case, kind: SpectrumKind, settings: dict[str, Any]) -> Pro
 
 
 def as_read(kind: SpectrumKind, spectrum: Any) -> Any:
-    """Return a spectrum with the digits that it has after being written and read again."""
+    """Return a spectrum with the digits that it would have after writing and reading it."""
     if kind != "density":
         return spectrum
     grid = spectrum.grid()

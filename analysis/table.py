@@ -24,9 +24,9 @@ class Table:
     title : str
     header : sequence of str
     rows : sequence of sequences of str
-        Each as long as the header.
+        Rows of cells, each as long as the header.
     name : str
-        Name of its file.
+        Name of the table's file.
     """
 
     title: str
@@ -73,7 +73,7 @@ def cell(value: Any, form: str = "g") -> str:
 
 
 def number(value: float, error: float = np.nan, digits: int = 4) -> str:
-    """Return a value to the first digit of its uncertainty, or to `digits` without uncertainty.
+    """Return a value rounded to the first digit of its uncertainty, without one to `digits`.
 
     Whole numbers without uncertainty have no decimals. Empty if the value is not known.
 

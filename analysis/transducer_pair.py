@@ -74,9 +74,9 @@ class TransducerPair:
 
     @cached_property
     def _distance_error(self) -> float:
-        """Error of the distance, m: a plate's spheres are not at one height.
+        """Error of the distance, m: the spheres of a plate are not at the same height.
 
-        The highest of them send first, so that the error is that of a single height, not of a mean.
+        The highest spheres send first, so that the error is that of a single height, not of a mean.
         """
         variance = 0.0
         for disc in (self.source, self.receiver):
@@ -84,7 +84,7 @@ class TransducerPair:
         return float(np.sqrt(variance))
 
     def _caveats(self, frequency: float, velocity: float) -> tuple[Caveat, ...]:
-        """Return what to know about waves of a frequency, Hz, and a velocity, m/s."""
+        """Return the caveats on waves of a frequency, Hz, and a velocity, m/s."""
         caveats = []
         wavelengths = self.distance * frequency / velocity
         if wavelengths < MIN_WAVELENGTHS:
@@ -113,9 +113,10 @@ class TransducerPair:
 
     @cached_property
     def _detour_by_sides(self) -> float:
-        """How much longer the way by a side is than the direct one, m; inf for a plane source.
+        """Extra length of the path reflected at a side, m; inf for a plane source.
 
-        By a free side in the distance w / 2 it is as long as that from an image in the distance w.
+        A reflection at a free side at the distance w / 2 has the same path as the wave from an
+        image at the distance w.
         """
         if self._source_is_plane:
             return np.inf

@@ -24,11 +24,11 @@ MAX_SHOWN_LENGTH = 30
 
 
 class MismatchError(ValueError):
-    """Raised for a value whose type is not the one that its place in the file requires."""
+    """Raised for a value of another type than its place in the file requires."""
 
 
 def parsed(text: str) -> Any:
-    """Return the contents of a JSON text; `MismatchError` if it is no JSON."""
+    """Return the contents of a JSON text; `MismatchError` if it is not JSON."""
     try:
         return json.loads(text, object_pairs_hook=_named_once, parse_constant=_refuse_constant)
     except MismatchError:
@@ -38,7 +38,7 @@ def parsed(text: str) -> Any:
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a file; InputError if it cannot be read, or is no text."""
+    """Return the text of a file; InputError if it cannot be read as text."""
     try:
         return Path(path).read_text("utf-8")
     except OSError as error:
@@ -66,7 +66,7 @@ def _refuse_constant(word: str) -> None:
 
 
 def checked(value: Any, kind: Any, place: str) -> Any:
-    """Return a value of JSON as a value of this kind; `MismatchError` if it is of another kind.
+    """Return a value of JSON converted to a kind; `MismatchError` if it is of another kind.
 
     Kinds are those of a class's fields: str, bool, int, float, arrays, lists, dictionaries of
     texts, tuples, and several of them, as in `int | None`.
@@ -91,7 +91,7 @@ def checked(value: Any, kind: Any, place: str) -> Any:
 
 
 def _checked_members(members: list[Any], kind: Any, place: str) -> list[Any]:
-    """Return the members of a list, all of one kind."""
+    """Return the members of a list, each checked to be of a kind; `place` is for errors."""
     return [checked(member, kind, f"{place}[{row}]") for row, member in enumerate(members)]
 
 
@@ -141,7 +141,7 @@ def _list(value: Any, place: str) -> list[Any]:
 
 
 def _tuple(value: Any, kinds: Sequence[Any], place: str) -> tuple[Any, ...]:
-    """Return a tuple with one member of each kind, or of any length if the kinds end in `...`."""
+    """Return a list as a tuple with one member of each kind; of any length if they end in `...`."""
     members = _list(value, place)
     wanted = list(kinds)
     if wanted[-1] is ...:
@@ -153,7 +153,7 @@ def _tuple(value: Any, kinds: Sequence[Any], place: str) -> tuple[Any, ...]:
 
 
 def _number(value: Any, place: str) -> float:
-    """Return a number, NaN for null; a whole number that doubles hold stays whole."""
+    """Return a number, NaN for null; an integer that a float can represent stays an integer."""
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -180,7 +180,7 @@ def _itself(value: Any, kind: Any, place: str) -> Any:
 
 
 def _shown(value: Any) -> str:
-    """Return a value as an error shows it, cut if it is long."""
+    """Return a value as text for an error message, cut if it is long."""
     text = str(value)
     if len(text) <= MAX_SHOWN_LENGTH:
         return text

@@ -30,12 +30,12 @@ class Value:
     Attributes
     ----------
     value : float or ndarray (n,)
-        In `unit`; an array over `at`.
+        The value, in `unit`; an array has a value at each frequency of `at`.
     unit : str
         SI unit, "1" for a number.
     parts : dict
-        Contributions to the error, in the same unit, by the keys of `ERROR_PARTS`, which says what
-        each of them stands for.
+        Contributions to the error, in the same unit, by the keys of `ERROR_PARTS`, which explains
+        each of them.
     caveats : tuple of Caveat
         Facts to know before the value is quoted; `str()` of each is its sentence.
     at : ndarray (n,), Hz, or None
@@ -43,9 +43,10 @@ class Value:
     scatter : float, ndarray (n,) or None
         Standard deviation over samples, for a mean over them.
     plateau : bool or None
-        Whether a threshold's value does not depend on where it is read; None for all other values.
+        Whether the value of a threshold rule does not depend on the stretch where it is read; None
+        for all other values.
     steps : tuple of Step
-        Windows, fits and limits that led to the value, or to not knowing it.
+        Windows, fits and limits that led to the value, or that show why it is not known.
 
     Examples
     --------
@@ -63,7 +64,7 @@ class Value:
     steps: tuple[Step, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a part of the error that nothing explains."""
+        """Refuse a part of the error that is not a key of `ERROR_PARTS`."""
         unexplained = self.parts.keys() - ERROR_PARTS.keys()
         if unexplained:
             raise RuntimeError(f"parts of an error without a meaning: {sorted(unexplained)}")
@@ -72,8 +73,8 @@ class Value:
     def error(self) -> Any:
         """Return the standard error, in the unit of the value; 0 for an exact value.
 
-        It is the root of the sum of squares of all parts but `samples`. If samples scatter by more,
-        the other parts are contained in their scatter, which is the error then.
+        The error is the root of the sum of squares of all parts except `samples`. If the scatter of
+        samples is larger, it contains the other parts and is the error.
 
         >>> Value(1.0, "m/s", {"fit": 3.0, "chain": 4.0, "samples": 6.0}).error
         6.0
@@ -88,12 +89,12 @@ class Value:
 
     @property
     def known(self) -> bool:
-        """Tell whether there is any number."""
+        """Tell whether the value, or any number of an array, is known."""
         return bool(np.isfinite(self.value).any())
 
     @property
     def common_error(self) -> float:
-        """Return the part of the error that no mean over packings makes less; 0 without one."""
+        """Return the part of the error that a mean over packings does not reduce; 0 without one."""
         return float(self.parts.get(COMMON, 0.0))
 
     @property
@@ -106,7 +107,7 @@ class Value:
         return replace(self, caveats=tuple(dict.fromkeys((*self.caveats, *caveats))))
 
     def explain(self) -> Explanation:
-        """Return how the value comes about, or why it is not known; `str()` of it is a text.
+        """Return how the value was obtained, or why it is not known; `str()` gives a text.
 
         >>> print(Value(776.4, "m/s", {"fit": 3.0, "window": 4.0}).explain())
         776.4 ± 5.0 m/s
@@ -121,10 +122,10 @@ class Value:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Return the value as JSON has it, in SI units; `value_of_json` reads it again.
+        """Return the value for JSON, in SI units; `value_of_json` reads it again.
 
         The keys are `value`, `error`, `unit`, `parts`, `caveats` (sentences) and `codes` (of the
-        caveats); further `at`, Hz, `scatter` and `plateau`, if there are. Unknown numbers are None.
+        caveats); and `at`, Hz, `scatter` and `plateau`, if they exist. Unknown numbers are None.
         """
         fields: dict[str, Any] = {
             "value": plain(self.value),
@@ -155,7 +156,7 @@ class Value:
         return self._text_of_number()
 
     def _text_of_array(self) -> str:
-        """Return the range of an array and its frequencies; of a short one all numbers."""
+        """Return the range of an array and its frequencies; for a short array all numbers."""
         value = np.asarray(self.value)
         known = np.isfinite(value)
         count = int(known.sum())
@@ -175,7 +176,7 @@ class Value:
         return f"{first:.3g} to {last:.3g}{unit} from {hertz(low)} to {hertz(high)}"
 
     def _text_of_number(self) -> str:
-        """Return a number with as many digits as show two of its error's, and its unit."""
+        """Return a number and its unit, rounded so that the error has two digits."""
         value = float(self.value)
         error = float(self.error)
         unit = "" if self.unit == "1" else self.unit
@@ -235,9 +236,10 @@ def unknown(unit: str, *caveats: Caveat, steps: tuple[Step, ...] = ()) -> Value:
 def estimate(
     value: float, error: float = np.nan, common: float = 0.0, steps: tuple[Step, ...] = ()
 ) -> Value:
-    """Return a number of a case with its error if this is known; the column's name says its unit.
+    """Return a number of a case with its error if known; its unit is that of the column.
 
-    `common` is the part of the error that all packings of the kind share, `steps` led to the value.
+    `common` is the part of the error that all packings of the kind share; `steps` are the windows
+    and fits that led to the value.
 
     >>> estimate(1.0, 5.0, 4.0).parts
     {'fit': 3.0, 'length': 4.0}

@@ -47,7 +47,7 @@ class Commands:
     rows: dict[str, dict[str, Any]]
 
     def walk_folder(self, walk: str) -> str:
-        """Return the folder in which a compression keeps its own states."""
+        """Return the folder of the states of a compression."""
         return f"{self.folder}/walks/compression_{walk}"
 
     def walk_command(self, walk: str) -> str:
@@ -108,8 +108,6 @@ class Commands:
 
         `parts` select groups of the columns. `run` names a further wave of the case, which changes
         some of the cells.
-
-        `run` names a further wave, which changes some of the cells.
         """
         row = self.rows[case]
         changes = FURTHER.get(run, {})
@@ -136,7 +134,7 @@ class Commands:
     def further_wave_command(self, case: str, run: str) -> str:
         """Return the shell's command of a further wave of a case.
 
-        The wave runs in a folder of its own, in which wave.py finds the case under its name.
+        The wave runs in its own folder, in which wave.py finds the case under its name.
         """
         folder = f"{self.folder}/waves/{run}"
         sources = [f"../../{case}.{kind}.h5" for kind in ("network", "highest.modes")]
@@ -166,7 +164,7 @@ class Commands:
         return f"{command} --skip-current"
 
     def network_command(self, rule: str, case: str, packing: str = "network") -> str:
-        """Return the command of a rule that needs a packing alone, one of `OF_NETWORK`.
+        """Return the command of a rule that needs only a packing, one of `OF_NETWORK`.
 
         `packing` tells whether the rule takes the case's network or its sample.
         """
@@ -211,7 +209,7 @@ class Commands:
         return f"{options} {pulse} --interval {interval:g} --duration {duration}"
 
     def band_options(self, case: str) -> str:
-        """Return the options of the modes of a case's band; shapes are kept as far as they fit."""
+        """Return the options of the modes of a case's band; shapes are kept if they fit."""
         low, high = self.study.settings["bands"].get(case, self.study.settings["band"])
         if low > 0:
             return f"--hours 4 --between {low} {high}"
@@ -219,7 +217,7 @@ class Commands:
 
 
 def quoted(*words: object) -> str:
-    """Return words as one text, quoted for the shell and for `in_turn` whatever they contain."""
+    """Return words as one text, quoted safely for the shell and for `in_turn`."""
     return " ".join(quote(str(word)) for word in words)
 
 

@@ -1,4 +1,4 @@
-"""Note which jobs of a run of Snakemake have failed, and why, for run.py to print."""
+"""Record which jobs of a run of Snakemake have failed, and why, for run.py to print."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ ERROR_MARK = "error: "
 def write_failures(folder: Path, started: float) -> None:
     """Write the file .failed in a folder of products: an exit status, and a line for each job.
 
-    `started` is when the run began, in seconds since the epoch; logs before that are of other runs.
+    `started` is when the run began, in seconds since the epoch; older logs belong to other runs.
     """
     reasons = []
     all_mendable = True
@@ -32,7 +32,7 @@ def write_failures(folder: Path, started: float) -> None:
 def _has_failed(log: Path, started: float) -> bool:
     """Tell whether the job of a log has failed in this run.
 
-    A job that has ended well has written its benchmark after its log.
+    A successful job writes its benchmark after its log.
     """
     time_of_log = log.stat().st_mtime
     if time_of_log < started:

@@ -1,9 +1,9 @@
 """Run commands in one process, one after the other: in_turn.py COMMAND ...
 
-Commands of modal and analysis are written as behind `python -m`; what several of them need is
-loaded once. Other commands are the shell's, and what they write to `$log` is printed. The first
+Commands of modal and analysis are written as after `python -m`; modules that several of them need
+are loaded once. Other commands run in the shell, and their output to `$log` is printed. The first
 command that fails ends the process with its status. A dash before a command accepts a product that
-falls short of the request (status 3): a sample notes how near to rest it is, and spectra are kept
+falls short of the request (status 3): a sample records its residual forces, and spectra are useful
 even if they do not give all quantities.
 """
 

@@ -1,10 +1,10 @@
 """Remove Snakemake's limit of jobs a second.
 
 For each job that has ended, the limit sets a timer after which Snakemake looks at all jobs once
-more. In a study of thousands of short jobs these are hundreds of looks a second in the end. No
-option removes the limit: a longer span keeps the timers, and makes Snakemake wait for them. The
-study's jobs need no such limit, which protects the scheduler of a cluster from thousands of
-submissions a second.
+more. In a study of thousands of short jobs this happens hundreds of times a second in the end. No
+option removes the limit: with a longer interval Snakemake still sets the timers, and waits for
+them. The study's jobs need no such limit, which protects the scheduler of a cluster from thousands
+of submissions a second.
 """
 
 from typing import Any
@@ -16,8 +16,7 @@ LIMITER = "job_rate_limiter"
 def remove_job_rate_limit(scheduler: Any) -> None:
     """Remove the limit from a scheduler of Snakemake.
 
-    Raises AttributeError if the scheduler of another version of Snakemake calls the limit
-    otherwise.
+    Raises AttributeError if the limit has another name in this version of Snakemake.
     """
     getattr(scheduler, LIMITER)
     setattr(scheduler, LIMITER, None)

@@ -1,7 +1,7 @@
-"""Find what the rules need to know of a study: starting states, files and commands of cases.
+"""Provide the rules with starting states, files and commands of a study's cases.
 
-The Snakefile and run.py read this module. Which cases there are, and their settings, stands in the
-study's YAML (`analysis.study.description`).
+The Snakefile and run.py read this module. The cases and their settings are defined in the study's
+YAML (`analysis.study.description`).
 """
 
 import re
@@ -56,8 +56,8 @@ ON_REQUEST = ("linear.signals", "shear.signals", "moduli")
 class Jobs(Commands):
     """The jobs of a study in one folder of products.
 
-    `config` is that of Snakemake: study, products and, if they are set, stage, cases, spheres, seed
-    and from_scratch. Raises InputError if one of them, or the study, cannot be followed.
+    `config` is Snakemake's configuration: study, products and, if set, stage, cases, spheres, seed
+    and from_scratch. Raises InputError if one of these settings, or the study, is invalid.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Jobs(Commands):
     cases : list of str
         Names of the requested cases.
     stage : str
-        How far the requested cases are to be made.
+        The last stage to be made for the requested cases.
     reduced : bool
         Whether random packings have the number of spheres in `config`.
     from_scratch : bool
@@ -144,8 +144,8 @@ class Jobs(Commands):
     def pattern(self, cases: Iterable[str]) -> str:
         """Return a regular expression of the names of some cases.
 
-        Snakemake tries it on each file, so it does not list thousands of names: if it is about more
-        than half of all cases it lists those that are left out.
+        Snakemake matches it with each file name. To keep it short, it lists the excluded cases if
+        more than half of all cases are included.
         """
         wanted = set(cases)
         others = [case for case in self.rows if case not in wanted]
@@ -171,8 +171,8 @@ class Jobs(Commands):
     def varied_columns(self) -> list[str]:
         """Return the columns of which the study has several values, friction apart.
 
-        They distinguish compressions of one friction. Where cases are numbered there are none:
-        compressions differ in friction alone.
+        They distinguish compressions of one friction. If cases are numbered there are no such
+        columns: compressions differ only in friction.
         """
         if self.study.settings["names"] != "":
             return []
@@ -201,8 +201,8 @@ class Jobs(Commands):
     def committed_sample(self, case: str) -> str | None:
         """Return the finished sample that a case starts from, if there is one.
 
-        None if the sample is of another stress or friction, and for a case that has a state of its
-        own.
+        The result is None if the sample has another stress or friction, and for a case with its own
+        state.
         """
         row = self.rows[case]
         folder = self.study.settings["samples"]
@@ -253,7 +253,7 @@ class Jobs(Commands):
         return kinds or ["sample"]
 
     def outputs(self, rule: str) -> list[str]:
-        """Return the files that a rule for a network alone makes, as patterns over its cases."""
+        """Return the files that a rule of `OF_NETWORK` makes, as patterns for all cases."""
         kinds = OF_NETWORK[rule]["cases"]
         cases = self.pattern(case for case, row in self.rows.items() if row["kind"] in kinds)
         return [self.product(f"{{case,{cases}}}", kind) for kind in OF_NETWORK[rule]["makes"]]
@@ -286,7 +286,7 @@ class Jobs(Commands):
         return commands
 
     def result_inputs(self, case: str) -> list[str]:
-        """Return the files that a case's result is made of.
+        """Return the files from which a case's result is made.
 
         They are the files of the kinds of product that a result needs, and the existing ones of the
         products that are made on request.
@@ -334,7 +334,7 @@ class Jobs(Commands):
         return str(folder.parent / f"results/seed_{self.seed}")
 
     def page_inputs(self) -> list[str]:
-        """Return the results that the page is made of.
+        """Return the results from which the page is made.
 
         They are the results of all cases and states, and the existing ones of other seeds and of
         comparisons with the linear wave.
@@ -348,8 +348,8 @@ class Jobs(Commands):
     def _states_of_page(self) -> list[str]:
         """Return the names of states that are not cases of the study but are shown on the page.
 
-        No compression is made for such a state alone: where all cases of a compression start from
-        finished samples, the state is shown only if it has a finished sample, too.
+        No compression is made for such a state alone: if all cases of a compression start from
+        finished samples, the state is shown only if it also has a finished sample.
         """
         if self.seed is not None:
             return []
@@ -363,7 +363,7 @@ class Jobs(Commands):
         return names
 
     def finished_state(self, walk: str, stress: float) -> str | None:
-        """Return the finished sample of a state that is no case; None if there is none."""
+        """Return the finished sample of a state that is not a case; None if there is none."""
         path = Path(self.study.settings["samples"]) / f"{walk}_{stress / 1e3:g}kPa.sample.h5"
         if path.exists() and not self.from_scratch:
             return str(path)
@@ -384,7 +384,7 @@ class Jobs(Commands):
         return files
 
     def needs(self, rule: str) -> dict[str, Callable[..., int]]:
-        """Return the resources of a rule's jobs, by their size: memory, MB, and time, minutes.
+        """Return the resources of a rule's jobs by their size: memory, MB, and time, minutes.
 
         Each is a function of the wildcards and of the attempt; a later attempt gets more.
         """
@@ -420,7 +420,7 @@ def refuse_other_path(name: str, path: object) -> None:
 
 
 def _choose_cases(words: Any, rows: Mapping[str, Any]) -> list[str]:
-    """Return cases by name, number or kind; all without a word. InputError for an unknown word."""
+    """Return cases by name, number or kind; without words, all. InputError for an unknown word."""
     cases_by_word: dict[str, list[str]] = {"all": list(rows)}
     for name, row in rows.items():
         for word in dict.fromkeys((name, str(row["case"]), row["kind"])):
@@ -441,7 +441,7 @@ def _choose_cases(words: Any, rows: Mapping[str, Any]) -> list[str]:
 
 @cache
 def _noted(path: Path, name: str) -> float | None:
-    """Return a number that a sample notes in its group `study`; None if it cannot be read."""
+    """Return a number from the group `study` of a sample's file; None if it cannot be read."""
     try:
         with h5py.File(path) as file:
             return float(file["study"].attrs[name])

@@ -84,7 +84,7 @@ def main(profile: str, only: str, jobs_at_a_time: str, *settings: str) -> int:
 
 
 def _read_settings(settings: tuple[str, ...]) -> dict[str, object]:
-    """Return the settings NAME=VALUE as Snakemake reads them: all but lists are texts."""
+    """Return the settings NAME=VALUE as Snakemake reads them: all except lists are texts."""
     pairs = [text.split("=", 1) for text in settings]
     return {name: yaml.load(value, yaml.BaseLoader) for name, value in pairs}
 
@@ -138,7 +138,7 @@ def _print_tables(jobs: Jobs) -> None:
 
 
 def _report_failure(jobs: Jobs, failed: Path) -> int:
-    """Print why jobs have failed, write a page without their cases, and return the exit status.
+    """Print why jobs failed, write a page without their cases, and return the exit status.
 
     `failed` is the file in which the Snakefile has noted a status and a reason for each job.
     """
@@ -157,8 +157,8 @@ def _report_failure(jobs: Jobs, failed: Path) -> int:
 def provide_home() -> None:
     """Set HOME for the programs that run here.
 
-    YADE ends without a home; Snakemake and numba keep their caches there. For a user without a home
-    that can be written to, as in a container, HOME is a folder of this project.
+    YADE stops without a home folder, and Snakemake and numba store their caches there. For a user
+    without a home that can be written to, as in a container, HOME is a folder of this project.
     """
     home = os.path.abspath(os.path.expanduser("~"))
     if not os.access(home, os.W_OK):
@@ -199,7 +199,7 @@ def wait_for_lock(path: Path, text: str) -> TextIO:
 
 
 def jobs_in_queue() -> bool:
-    """Tell whether Slurm jobs of this folder wait or run, except one that this driver runs in."""
+    """Tell whether Slurm jobs of this folder wait or run, except the job of this driver itself."""
     text = output_of(["squeue", "--me", "--noheader", "--format=%i|%Z"])
     own_job = os.environ.get("SLURM_JOB_ID")
     rows = [line.strip().split("|") for line in text.splitlines()]

@@ -7,10 +7,10 @@ Columns `sizes` ("lognormal_0.2", "two_2_0.5", with the quotes), `densities` ("2
 `walls` ("2.1e11_0.3") make a mixture (as in `modal.preparation.sizes`).
 
 Writes a state at each stress, products/compression_mu0.4/STRESSPa.sample.h5, and a checkpoint from
-which a killed compression goes on. The environment variable WAVE_PRODUCTS names another folder. The
-protocol, its numbers and their reasons are those of `modal.preparation.protocol`; see
-results/samples/compaction.md. Each run starts from the file that the run before has written, so
-that a compression that was killed takes the same steps as one that was not.
+which a killed compression continues. The environment variable WAVE_PRODUCTS names another folder.
+The protocol and its numbers are those of `modal.preparation.protocol`;
+results/samples/compaction.md gives the reasons. Each run starts from the last checkpoint, so that a
+compression that was killed takes the same steps as one that was not.
 """
 
 import sys
@@ -67,7 +67,7 @@ def main():
 
 
 def show_progress(line):
-    """Print a line at once."""
+    """Print a line without buffering."""
     print(line, flush=True)
 
 

@@ -1,10 +1,10 @@
-"""Contacts that open or slip while a wave passes, and the energy that slip dissipates.
+"""Watch contacts open or slip while a wave passes, and compute the energy of the slip.
 
-YADE's law keeps two shear displacements of a contact, both in the present frame: the total, and the
-elastic part, which slip shortens. Their difference is the slip, and stays exactly zero where there
-was none. Slip takes from the wave the shear force multiplied by the increment of the slip. The
-law's own sum, the force multiplied by the total shear displacement of a sliding step, misses the
-slip of a contact that merely loses normal force, which is of first order in the wave.
+YADE's law stores two shear displacements of a contact, both in the present frame: the total, and
+the elastic part, which slip shortens. Their difference is the slip, exactly zero for a contact that
+never slipped. Slip dissipates the shear force multiplied by the increment of the slip. The law's
+own sum, the force multiplied by the total shear displacement of a sliding step, omits the slip of a
+contact that only loses normal force, which is of first order in the wave.
 """
 
 from typing import NamedTuple
@@ -27,7 +27,7 @@ class ContactWatch:
     """Record of the contacts that have opened or slipped, and of the energy of the slip.
 
     Contacts that slip or open when their ends move by the largest displacement of the wave are
-    followed at every step; all others are examined by `check_all` alone.
+    followed at every step; all others are only examined by `check_all`.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class ContactWatch:
         return f"of {len(self.depth)} contacts {opened}; {slid}"
 
     def _describe(self, verb, keys):
-        """Return how many contacts `keys` has, as text, with the depths of the first ones in mm."""
+        """Return the number of contacts in `keys` as text, with the depths of the first, mm."""
         text = f"{len(keys)} {verb}"
         depths = sorted(1e3 * self.depth[key] for key in keys if key in self.depth)
         if depths:

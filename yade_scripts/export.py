@@ -1,4 +1,4 @@
-"""Conversion of a YADE scene to a contact network: radii, kn and ks as YADE holds them, clumps.
+"""Convert a YADE scene to a contact network, with radii, kn, ks and clumps as in YADE.
 
 The module `export_scene` says which scenes can be exported.
 """
@@ -108,9 +108,9 @@ def network_of_scene(walls=None):
     """Return the present scene as a network; spheres are in the order of their bodies' ids.
 
     Contacts are in canonical order and centres inside the cell. Stiffnesses, forces, overlaps and
-    contact points are those that YADE holds; none is computed again. `walls` (2,) are z of source
-    and receiver wall, m, if they are known; otherwise the contacts determine them. Raises
-    InputError for what a network cannot represent.
+    contact points are copied from YADE and not computed again. `walls` (2,) are z of source and
+    receiver wall, m, if they are known; otherwise the contacts determine them. Raises InputError
+    for a scene that a network cannot represent.
     """
     bodies = _find_spheres()
     ids = [body.id for body in bodies]
@@ -164,7 +164,7 @@ def contact_network(n, study, provenance):
 
 
 def _read_clumps(ids):
-    """Return mass, kg, centre, m, and tensor of inertia, kg m^2, of clumps, as YADE has them."""
+    """Return mass, kg, centre, m, and tensor of inertia, kg m^2, of clumps, as stored in YADE."""
     states = [O.bodies[clump_id].state for clump_id in ids]
     axes = np.array([state.ori.toRotationMatrix() for state in states]).reshape(-1, 3, 3)
     inertia = np.array([state.inertia for state in states])
@@ -260,7 +260,7 @@ def _find_wall_planes(contacts, i, j, normal, height, radius):
 def _find_cell(position, radius, walls):
     """Return low and high corner (3,), m, and which axes are periodic (3,).
 
-    The corners are at the walls, at the periods, or else where the spheres end.
+    The corners are at the walls, at the periods, or else at the outermost surfaces of spheres.
     """
     low = (position - radius[:, None]).min(axis=0)
     high = (position + radius[:, None]).max(axis=0)
@@ -280,7 +280,7 @@ def _find_cell(position, radius, walls):
 
 
 def _find_periods_at_angles(periodic):
-    """Return the periods as rows (3, 3), m, if they are at angles; otherwise None.
+    """Return the periods as rows (3, 3), m, if the cell is sheared; otherwise None.
 
     `periodic` (3,) are the axes with a period. Raises InputError for such a cell between walls.
     """

@@ -1,11 +1,11 @@
-"""Export a random sample at rest as YADE has it, with its noise, to caseNN.network.h5.
+"""Export a random sample at rest from YADE, with its noise, to caseNN.network.h5.
 
     yade-batch own.table yade_scripts/export_sample.py
 
-Loads products/caseNN.sample.h5, which stays as it is, and refuses it if YADE's own forces do not
-have its stress or are not in balance. The scene then runs for a while without a wave: what moves by
-itself is the noise floor of a wave run, which the network's study holds. The environment variable
-WAVE_PRODUCTS names another folder.
+Loads products/caseNN.sample.h5, which is not changed, and refuses it if YADE's own forces give
+another stress or are not in balance. The scene then runs for a while without a wave: the remaining
+motion is the noise floor of a wave run, and is stored in the network's `study`. The environment
+variable WAVE_PRODUCTS names another folder.
 """
 
 import sys
@@ -54,8 +54,8 @@ from yade.params.table import case, mu_wave, stress  # noqa: E402
 def measure_noise(network):
     """Return bounds, m, of the motion along z of a layer's mean and of a firmly held sphere.
 
-    The bounds hold for a run of NOISE_STEPS. Spheres move because of the net forces that the sample
-    has left. A sphere under a constant force moves no further than a free one, whose displacement
+    The bounds hold for a run of NOISE_STEPS. Spheres move because of the remaining net forces of
+    the sample. A sphere under a constant force moves no further than a free one, whose displacement
     grows with the square of time. The run therefore ends early, and the displacements are
     extrapolated with the square of time, if the result is negligible.
     """
@@ -92,7 +92,7 @@ def refuse_other_sample(sample, path):
 
 
 def refuse_unsettled(stresses, unbalanced, path):
-    """Raise InputError if stresses (3,), Pa, or the balance are not those of a settled sample."""
+    """Raise InputError if stresses (3,), Pa, or net forces are not those of a sample at rest."""
     if abs(stresses / stress - 1).max() > MAX_STRESS_ERROR:
         raise InputError(
             "stress",

@@ -1,4 +1,4 @@
-"""Export any YADE scene as a contact network, with radii, kn and ks as YADE holds them.
+"""Export any YADE scene as a contact network, with radii, kn and ks as in YADE.
 
 In a script of your own, when the packing is at rest:
 
@@ -14,11 +14,11 @@ Clumps are one body, with YADE's mass, centre and tensor of inertia and the cont
 spheres. Cohesive-frictional contacts keep `kr` and `ktw` where their moment law is active.
 
 Wall, Facet and Box bodies become the two flat walls at low and high z. A network's levers end in
-the middle of the overlap, as YADE's torques do; for the motion of a sphere on a Wall it takes the
-Wall's plane, and by default a "ratcheting" variant, which differ by overlap / radius. Other
-cohesion and rolling resistance, walls that stand in the way along x or y, and cells at angles
-between walls are refused, in one line. Spheres keep the motions that `fixed`, `blockedDOFs` or the
-mask of the integrator leave them; a sphere that an engine moves must have all of them blocked.
+the middle of the overlap, as those of YADE's torques do. For motions YADE uses other levers, which
+differ by overlap / radius: to the plane of a Wall, and by default those of its "ratcheting"
+variant. Other cohesion and rolling resistance, walls across x or y, and sheared cells between walls
+are refused, in one line. Motions blocked by `fixed`, `blockedDOFs` or the mask of the integrator
+are held in the network; a sphere that an engine moves must have all of its motions blocked.
 """
 
 import sys
@@ -42,8 +42,8 @@ from yade_scripts.scene import exit_at_refusal, find_contacts, finish
 def export_scene(path):
     """Write the network of the present scene to a file.
 
-    Raises InputError for what a network cannot represent; where YADE ends with the script (-x),
-    the process ends with one line and status 2 instead.
+    Raises InputError for a scene that a network cannot represent; if YADE was started with -x, the
+    process ends with one line and status 2 instead.
     """
     if runtime.opts.exitAfter:
         exit_at_refusal(lambda: _write_scene(path))
@@ -52,7 +52,7 @@ def export_scene(path):
 
 
 def _write_scene(path):
-    """Write the network of the present scene and print what is in it."""
+    """Write the network of the present scene and print a summary."""
     with named(path):
         network = note_gravity(network_of_scene())
     made = Provenance("yade_scripts/export_scene.py", versions=versions(yade=config.version))

@@ -1,4 +1,4 @@
-"""Motions that spheres of a YADE scene cannot make: blocked by the user, or taken by an engine."""
+"""Find held motions of spheres in a YADE scene: blocked by the user, or moved by an engine."""
 
 import numpy as np
 from yade import O, wrapper

@@ -1,8 +1,8 @@
-"""Export a random sample and send a wave through it, in one YADE: starting it takes long.
+"""Export a random sample and send a wave through it, in one run of YADE to save start-up time.
 
     yade-batch own.table yade_scripts/sample_and_wave.py
 
-Runs export_sample.py, then wave.py, each in a fork; they define the columns and the files.
+Runs export_sample.py, then wave.py, each in a fork; these scripts define the columns and the files.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""YADE scenes of spheres between flat walls in a laterally periodic cell."""
+"""Build YADE scenes of spheres between flat walls in a laterally periodic cell."""
 
 import math
 import os
@@ -46,7 +46,7 @@ def products_folder():
 
 
 def is_product_current(path, made, read):
-    """Return whether a product need not be made again; a stale or damaged one is set aside."""
+    """Return whether a product is current; a stale or damaged file is renamed."""
     if is_current(path, made, read=read):
         print(f"{path}: already there")
         return True
@@ -55,7 +55,7 @@ def is_product_current(path, made, read):
 
 
 def compute_box_material(spheres, wall):
-    """Return the material of a box that resists `spheres` as a flat `wall` of its material does.
+    """Return the material of a box that acts on `spheres` like a flat `wall` of another material.
 
     All materials are `Elasticity`; `wall` is None for a wall of the spheres' material. YADE gives a
     sphere on a box the effective radius R/2 of two spheres, where a flat wall has R. The contact

@@ -1,4 +1,4 @@
-"""Stresses of a YADE scene, and its motion at the strain rates of a control."""
+"""Compute stresses of a YADE scene, and deform it at the strain rates of a control."""
 
 import numpy as np
 from yade import Matrix3, O
@@ -55,11 +55,12 @@ def wall_stresses(n, axis=2):
 
 
 def deform(n, rates):
-    """Deform the cell at the rates (xx, yy, zz), 1/s; the walls follow along z and only there.
+    """Deform the cell at the rates (xx, yy, zz), 1/s; the walls follow along z only.
 
     The integrator multiplies every velocity by 1 + rate dt and adds the jump of the rate multiplied
-    by the position, also for the walls. Their velocities are set so that the result is the rate
-    multiplied by the position along z, and zero laterally, without accumulating errors.
+    by the position, also for the walls. Therefore the velocities of the walls are set so that the
+    result is the rate multiplied by the position along z, and zero laterally, without accumulating
+    errors.
     """
     present_rates = np.array([O.cell.velGrad[axis, axis] for axis in range(3)])
     O.cell.velGrad = Matrix3(rates[0], 0, 0, 0, rates[1], 0, 0, 0, rates[2])

@@ -1,4 +1,4 @@
-"""Conversion of samples to YADE scenes and back, with velocities, strain rate and shear forces."""
+"""Convert samples to YADE scenes and back, with velocities, strain rate and shear forces."""
 
 from dataclasses import replace
 
@@ -77,14 +77,14 @@ def canonical_contacts(ids, periods):
 
 
 def read_scene(sample, *, moving):
-    """Return the scene that was built of `sample` as a sample of its present state.
+    """Return the present state of the scene that was built from `sample`, as a sample.
 
     With `moving` the sample has velocities and the strain rate. Positions are wrapped into the
     cell, and velocities, which contain the affine motion of the cell, are changed accordingly. Only
-    the tangential part of shear forces is kept, because the law lets a normal part of second order
-    build up. Contacts do not know the motion of the last step yet: a step without motion opens and
-    closes them at the present positions. Their shear forces lack the increment of that step, which
-    the first step after `resume_cell` adds.
+    the tangential part of shear forces is stored, because under the law a normal part of second
+    order builds up. YADE's contacts do not include the motion of the last step yet: a step without
+    motion opens and closes them at the present positions. Their shear forces lack the increment of
+    the last step, which the first step after `resume_cell` adds.
     """
     n = len(sample.position)
     call_before_motion()  # no control in the step without motion
@@ -128,7 +128,7 @@ def resume_cell():
     """Undo one step of the cell's strain, before the first step of a sample in motion.
 
     `O.dt` must be set. YADE strains the cell at the beginning of a step, after the spheres have
-    moved at the end of the step before; in a sample both have moved.
+    moved at the end of the step before; in a stored sample cell and spheres have both moved.
     """
     _strain_cell(-1.0)
 
@@ -171,7 +171,8 @@ def build_scene(sample, *, margin, damping):
     """Build the scene of a sample, with its contacts, shear forces and velocities.
 
     `margin` is the reach of the collider in radii, `damping` the local damping. Raises InputError
-    for a sample that is none of YADE's scenes, or if YADE finds other contacts than the sample has.
+    for a sample that YADE's scenes do not support, or if YADE finds other contacts than the sample
+    has.
     """
     n = len(sample.position)
     _refuse_other_scenes(sample)

@@ -3,8 +3,8 @@
     yade -n -x -j1 yade_scripts/tangent.py SAMPLE.sample.h5 OUT.h5
 
 Every particle is moved by +h and by -h along each axis and rotated about it, all others at rest,
-and the forces and torques on it and its neighbours are read. Sliding is suppressed. The tests of
-modal/system/contacts.py use this script for some hundred particles.
+and the forces and torques on this particle and its neighbours are read. Sliding is suppressed. The
+tests of modal/system/contacts.py use this script for some hundred particles.
 """
 
 import sys
@@ -62,7 +62,7 @@ class Tangent:
         self.orientation = {body.id: Quaternion(body.state.ori) for body in O.bodies}
 
     def find_neighbours(self, p):
-        """Return the ids of sphere p and of the spheres that it touches, ascending."""
+        """Return the ids of sphere p and of the spheres that touch it, ascending."""
         neighbours = {p}
         for contact, _ in self.contacts[p]:
             neighbours |= {contact.id1, contact.id2}
@@ -71,9 +71,9 @@ class Tangent:
     def compute_loads(self, p, axis, step, bodies):
         """Return forces and torques (len(bodies), 6) after a motion of sphere p.
 
-        It is displaced by `step`, m, along an axis 0 to 2, or rotated by `step`, rad, about axis 3
-        to 5. The law uses the new position or orientation and the velocity that has led there.
-        Afterwards the sphere is put back and the shear forces, which depend on the path, are
+        The sphere is displaced by `step`, m, along axis 0 to 2, or rotated by `step`, rad, about
+        axis 3 to 5. The law uses the new position or orientation and the velocity that has led to
+        it. Afterwards the sphere is put back and the shear forces, which depend on the path, are
         restored.
         """
         state = O.bodies[p].state

@@ -1,4 +1,4 @@
-"""Send a wave through the sample of a case, by a pulse of the source wall; caseNN.signals.h5.
+"""Send a pulse of the source wall through the sample of a case, and write caseNN.signals.h5.
 
     yade -n -x -j1 yade_scripts/wave.py                  (case 2)
     yade-batch own.table yade_scripts/wave.py
@@ -17,8 +17,8 @@ variables (WAVE_FRACTION and so on), which override them:
                 critical damping; such a run has no energy balance
     motion      a file of two columns, s and m: motion of the wall instead of the pulse
 
-All are recorded in the product; signals that were made with other settings or from other files are
-stale and made again. WAVE_PRODUCTS names the folder.
+All settings are recorded in the product; signals that were made with other settings or from other
+files are made again. WAVE_PRODUCTS names the folder.
 """
 
 import math
@@ -161,7 +161,7 @@ def read_damping():
 def read_highest_frequency(path, packing):
     """Return the frequency, Hz, of the highest mode of this packing.
 
-    Raises InputError if the modes are not its highest ones.
+    Raises InputError if the modes are not the highest ones of the packing.
     """
     note = require_same_packing(path, packing)
     if note:
@@ -218,7 +218,7 @@ def make_signals(run, settings, direction, has_damping):
 
 
 def print_report(path, run, fraction, has_damping):
-    """Print what the run has cost, and its energy balance."""
+    """Print the computing time of the run, and its energy balance."""
     balance = run.balance(fraction)
     print(
         f"{path}: {run.steps} steps of {O.dt:.3e} s in {run.seconds:.0f} s; "

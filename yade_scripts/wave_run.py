@@ -1,4 +1,4 @@
-"""One wave through a YADE scene at rest: motion of the source wall, records, energy balance."""
+"""Run a wave through a YADE scene at rest: drive the wall, record, balance the energy."""
 
 import math
 import time
@@ -182,8 +182,8 @@ class WaveRun:
     def _add_work(self, now, displacement):
         """Add the work of the wall in the last step.
 
-        The force is the mean of those at both ends of the step: the sum is exact in a linear
-        system, as the energy is.
+        The work is computed with the mean of the forces at both ends of the step. In a linear
+        system the sum of this work equals the energy of the leapfrog scheme exactly.
         """
         force = O.forces.f(self.n, sync=True)[self.axis]
         displacement_before = self.motion.displacement(np.array([now - O.dt]))[0]
@@ -208,15 +208,15 @@ class WaveRun:
             self._is_stable = False
 
     def _compute_stored_energy(self):
-        """Return the energy stored in all contacts, J: 2/5 of N times overlap, and that of shear.
+        """Return the energy stored in all contacts, J: 2/5 of N times overlap, and shear energy.
 
-        The energy of shear is the sum of the shear forces' work. Fs^2 / 2 ks would change with the
-        overlap, to first order in the wave, without any work done.
+        The shear energy is the sum of the shear forces' work. The expression Fs^2 / (2 ks) is not
+        used, because it changes with the overlap, to first order in the wave, without any work.
         """
         return self._law.normElastEnergy() + self._law.shearEnergy
 
     def _read_scaled_velocities(self):
-        """Return velocities (n, 6) half a step ago, times the root of mass or inertia; sqrt(J)."""
+        """Return velocities (n, 6) half a step ago times the root of mass or inertia, sqrt(J)."""
         rows = []
         for state in self._states:
             sqrt_mass = math.sqrt(state.mass)

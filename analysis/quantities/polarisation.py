@@ -1,4 +1,4 @@
-"""Measure in which direction the modes of a packing move: chi_z, the share along z (Eq. 2)."""
+"""Measure the direction of motion in modes: chi_z, the share along z (Eq. 2)."""
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def chi_lists(packing: PackingData) -> list[tuple[Floats, Floats, Floats]]:
 def chi_between(
     packing: PackingData, low: float, high: float, chain: bool
 ) -> tuple[Floats, Floats]:
-    """Return the natural frequencies (k,) between two, Hz, and their chi_z (k,); empty without any.
+    """Return the natural frequencies (k,) from `low` to `high`, Hz, and their chi_z (k,).
 
     chi_z is that of the chain, as in Otsubo et al. (2017), or that of all particles.
     """
@@ -83,7 +83,7 @@ def mean_chi(packing: PackingData, low: float, high: float) -> Value:
 
 
 def _step_between(frequency: Floats) -> Step:
-    """Return the modes (k,) between two frequencies, Hz, as a step."""
+    """Return a step that describes the modes (k,) between two frequencies, Hz."""
     numbers = {
         "modes": len(frequency),
         "lowest": frequency.min(initial=np.inf),
@@ -103,8 +103,8 @@ def measure_largest_chi(packing: PackingData, low: float, high: float, chain: bo
 def last_pure(packing: PackingData) -> Value:
     """Measure the highest frequency, Hz, of a mode whose chain has chi_z above 0.9.
 
-    Each resonance has one such mode, so that the distance between two of them is the error.
-    It is not known if the list of modes ends less than two of these distances above the last one.
+    Each resonance has one such mode, so that the distance between two of them is the error. The
+    frequency is not known if the list of modes ends less than two such distances above it.
     """
     frequency, chi = chi_between(packing, 0, np.inf, chain=True)
     last = max(frequency[chi > MIN_CHI_OF_P_WAVE], default=np.inf)
@@ -133,7 +133,7 @@ def chi_z(packing: PackingData) -> Value:
 
 @on_request("1", definition="chi_z of every mode up to 1.5 V_P / W, W the cell's width")
 def chi_z_of_branches(packing: PackingData) -> Value:
-    """Measure chi_z of all spheres, for the modes at which further branches begin in a narrow cell.
+    """Measure chi_z of all spheres, for the modes at which new branches begin in a narrow cell.
 
     In a cell that is W wide further waves begin at V_S / W and V_P / W.
     """

@@ -1,8 +1,8 @@
 """Measure what the files of a case give: its run and the linear wave, modes, theory, spectra.
 
-These quantities are measured on request, because most packings lack the files that they need. A
-number that two programs can give has one of them in its name: `yade`, the recorded run, or
-`linear`, the wave of the springs.
+These quantities are measured on request, because most packings lack the files that they need. If
+two programs can give a number, the name of the quantity contains the program: `yade`, the recorded
+run, or `linear`, the wave of the springs.
 """
 
 from collections.abc import Callable
@@ -120,7 +120,7 @@ def v_p_theory(packing: PackingData) -> float:
 
 @case_quantity("Hz", "highest natural frequency, of a list where there is one")
 def f_max(packing: PackingData) -> Value:
-    """Measure the highest natural frequency, with its residual if a file has its mode."""
+    """Measure the highest natural frequency; a mode from a file has a residual as error."""
     lists = packing.case.read("highest.modes"), packing.case.read("modes")
     return spectrum.natural_frequency(spectrum.f_max(packing), *lists)
 
@@ -275,7 +275,7 @@ def energy_to_friction(packing: PackingData) -> float:
 
 @case_quantity("1", "gap to the wall's work")
 def energy_gap(packing: PackingData) -> float:
-    """Return the share of the wall's work that the run's energies lack."""
+    """Return the difference of the run's energies from the wall's work, divided by this work."""
     return _energy(packing, "gap")
 
 
@@ -293,7 +293,7 @@ def contacts_slid(packing: PackingData) -> float:
 
 @case_quantity("1", "run less linear wave, relative")
 def yade_less_linear_layers(packing: PackingData) -> Value:
-    """Compute the relative L2 difference of run and linear wave over all common times.
+    """Compute the relative L2 difference between run and linear wave over all common times.
 
     The compared motions are means over layers; for a crystal, and if layers are not recorded, they
     are those of the chain.
@@ -315,7 +315,7 @@ def yade_less_linear_layers(packing: PackingData) -> Value:
 
 @case_quantity("1", "passages of the record")
 def record_passages(packing: PackingData) -> float:
-    """Return the length of the record that the threshold rule reads, in passages of the wave."""
+    """Return the length of the record for the threshold rule, in passages of the wave."""
     return passband.passband(packing).common
 
 
@@ -344,7 +344,7 @@ def _excess(packing: PackingData) -> Excess:
 
 
 def _steps_of_density(packing: PackingData) -> tuple[Step]:
-    """Return the search for the largest excess in a file's density of states as a step."""
+    """Return a step that describes the search for the largest excess in a file's density."""
     return (spectrum.step_of_peak(packing),)
 
 
@@ -369,7 +369,7 @@ def _low_pass(packing: PackingData, threshold: Threshold) -> Value:
 
 
 def _wavelength(packing: PackingData, threshold: Threshold) -> Value:
-    """Measure the wavelength at f_low-pass, D; its error is that from the frequency's error."""
+    """Measure the wavelength at f_low-pass, D; its error follows from that of the frequency."""
     edge = _low_pass(packing, threshold)
     if not np.isfinite(edge.value):
         raise AbsentError
@@ -438,7 +438,7 @@ SHEAR: dict[str, str] = {}
 
 
 def _of_record(measure: Callable[[PackingData, str], float | Value], key: str) -> Measure:
-    """Return the function of a packing that measures a quantity of one of its records."""
+    """Return a function of a packing that measures a quantity on one of its records."""
 
     def measure_record(packing: PackingData) -> float | Value:
         return measure(packing, key)

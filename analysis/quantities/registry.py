@@ -41,7 +41,7 @@ class Quantity:
     unit : str
         SI unit of its values, "1" for a number.
     definition : str
-        What it is, in one line of help.
+        Definition of the quantity, in one line of help.
     measure : callable
         Function that measures it: takes a packing, returns a `Value` or a number in `unit`.
     on_request : bool
@@ -58,15 +58,15 @@ class Quantity:
     spectrum: str = ""
 
     def measured(self, packing: PackingData) -> Value:
-        """Return the value in the registered unit; if the packing does not have it, the reason.
+        """Return the value in the registered unit, or an unknown value with the reason.
 
         Raises
         ------
         InputError
             If a file is the reason that it cannot be measured.
         RuntimeError
-            If the code of the quantity is wrong, which no user can mend: it measures in another
-            unit, or calls a function with arguments that the function refuses.
+            If the code of the quantity is wrong, which a user cannot correct: it returns another
+            unit, or calls a function with invalid arguments.
         """
         try:
             result = self.measure(packing)
@@ -112,7 +112,7 @@ def _caveats_of_density(network: Network) -> tuple[Caveat, ...]:
 def quantity(
     unit: str, *, definition: str, name: str = "", on_request: bool = False, spectrum: str = ""
 ) -> Callable[[Function], Function]:
-    """Register a function as the one that measures a quantity; use it as a decorator.
+    """Register a function that measures a quantity; use as a decorator.
 
     Parameters
     ----------

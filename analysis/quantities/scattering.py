@@ -1,4 +1,4 @@
-"""Measure how waves fade: attenuation, quality factor, widths of lines, and where waves end."""
+"""Measure how waves fade: attenuation, quality factor, line widths, Ioffe-Regel limit."""
 
 from dataclasses import replace
 from functools import partial
@@ -50,8 +50,8 @@ def attenuation_of(packing: PackingData) -> tuple[Value, Floats]:
     """Measure the decay of the coherent amplitude, 1/m, and the group velocity (k,), m/s.
 
     Both are read at independent frequencies. The error is the change of the value, at a frequency
-    or at its neighbours, under a window of another damping, which cuts the record elsewhere and
-    passes other noise. A bias that grows with the square of the damping is as large as this change.
+    or at its neighbours, under a window of other damping, which cuts the record at another time and
+    has other noise. This error includes a bias that is proportional to the square of the damping.
     """
     wave, weaker, stronger = coherents(packing)
     step = wave.frequency[1] - wave.frequency[0]
@@ -99,7 +99,7 @@ def attenuation_of(packing: PackingData) -> tuple[Value, Floats]:
 
 
 def _step_of_wave(decay: float, wave: Coherent) -> Step:
-    """Return the reading of a coherent wave under one damping of the window as a step."""
+    """Return a step that describes the coherent wave under one damping of the window."""
     known = wave.frequency[np.isfinite(wave.attenuation)]
     outcome = "read" if len(known) else "no_wave"
     numbers = {"damping": decay, "end_frequency": known.max(initial=-np.inf)}
@@ -120,7 +120,7 @@ def _step_of_frequencies(chosen: Floats, count: int, resolution: float) -> Step:
 
 
 def _highest_sent(packing: PackingData, highest: float) -> float:
-    """Return the frequency, Hz, up to which the source sends a wave, or `highest`."""
+    """Return the frequency, Hz, up to which the source excites waves, at most `highest`."""
     record = packing.wave
     displacement = record.source_displacement[:, None]
     frequency, amplitude = spectra(record.time, displacement, 1.01 * highest)
@@ -196,7 +196,7 @@ def ioffe_regel(packing: PackingData) -> Value:
 
 
 def step_of_limit(ridge: Scattering) -> Step:
-    """Return the search for the frequency where pi times the width reaches it as a step."""
+    """Return a step that describes the search for the Ioffe-Regel limit on a ridge."""
     ratio = np.pi * ridge.width / ridge.frequency
     numbers = {
         "waves": len(ratio),
@@ -215,13 +215,13 @@ def step_of_limit(ridge: Scattering) -> Step:
 
 @on_request("Hz", definition="width of the line that a pulse's decay makes, alpha v / pi")
 def scattering_of_pulse(packing: PackingData) -> Value:
-    """Measure the width of the line of a decaying pulse over frequency.
+    """Measure the line width of a decaying pulse at each frequency.
 
-    v is the measured group velocity, with which the energy travels. A wave that fades as exp(-alpha
-    x) in space fades as exp(-alpha v t) in time, and its line is alpha v / pi wide. Under the
-    window exp(-eta t) the wave number is smaller by eta d alpha / d omega, and the error of the
-    slowness is the derivative of this change. This error is stated as a part of the error and not
-    corrected, because two derivatives are noise.
+    A wave that fades as exp(-alpha x) in space fades as exp(-alpha v t) in time, with the measured
+    group velocity v at which energy travels. Its line width is alpha v / pi. Under the window
+    exp(-eta t) the wave number is smaller by eta d alpha / d omega, and the error of the slowness
+    is the derivative of this change. This change is added to the error and not corrected, because
+    second derivatives are noise.
     """
     alpha, velocity = attenuation_of(packing)
     assert alpha.at is not None
@@ -283,7 +283,7 @@ for _wave, _polarisation in (("p", "L"), ("s", "T")):
 
 @cached_on_packing
 def scattering(packing: PackingData) -> Scattering:
-    """Measure the width of the ridge of standing waves over frequency, up to its limit.
+    """Measure the width of the ridge of standing waves at each frequency, up to its limit.
 
     A few waves of all wavelengths are computed first. If the Ioffe-Regel limit lies among them,
     more waves on both sides of the limit give the result.
@@ -324,7 +324,7 @@ def _ridge_of_orders(packing: PackingData, velocity: float, orders: Floats) -> S
 
 @cached_on_packing
 def whole_ridge(packing: PackingData) -> Scattering:
-    """Return the width of the ridge of all waves in a file with the structure factor."""
+    """Return the ridge, with its width, of all waves in a file with the structure factor."""
     structure = packing.case.needed("structure")
     velocity = longest(packing, "linear").value
     return structure.scattering(velocity, packing.diameter)

@@ -1,8 +1,8 @@
-"""Measure modes below the first wave of a periodic cell: how many spheres move in each, and how.
+"""Measure the modes below the first wave of a periodic cell: participation and rotation.
 
 The longest wave that fits into a cell has the frequency V_S divided by the cell's side. Modes below
-it are no waves, but soft because of the packing's disorder alone. E. Lerner, G. During and E.
-Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for this reason.
+this frequency are not waves, and are soft only because of disorder. E. Lerner, G. During and E.
+Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) used small cells for this reason.
 """
 
 from typing import NamedTuple
@@ -57,7 +57,7 @@ def lowest_wave(packing: PackingData) -> LowestWave:
 
 @cached_on_packing
 def soft_modes(packing: PackingData) -> ModeSet:
-    """Compute all modes below the first wave but zero modes, certified to be complete.
+    """Compute all modes below the first wave except zero modes, certified to be complete.
 
     Raises UnavailableError if there is none, or if modes are missing.
     """
@@ -90,7 +90,7 @@ def _steps_of_wave(packing: PackingData) -> tuple[Step, ...]:
 
 
 def _over_modes(packing: PackingData, numbers: Floats) -> Value:
-    """Return a number (k,) of each mode below the first wave, as a value over their frequencies."""
+    """Return numbers (k,) of modes below the first wave as a value at their frequencies."""
     modes = soft_modes(packing)
     steps = (*_steps_of_wave(packing), step_of_modes(packing, modes))
     return Value(numbers, "1", {}, packing.of_one_sample, modes.frequency, steps=steps)
@@ -116,7 +116,7 @@ def soft_rotation(packing: PackingData) -> Value:
 def soft_contacts(packing: PackingData) -> Value:
     """Count the contacts of the sphere that moves most in each soft mode.
 
-    A sphere with two or three contacts is held loosely, whatever its surroundings.
+    A sphere with two or three contacts is always held loosely.
     """
     square = (soft_modes(packing).shapes()[:, :, :3] ** 2).sum(axis=2)
     contacts = contacts_per_particle(packing.network)

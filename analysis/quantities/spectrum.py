@@ -48,14 +48,14 @@ def highest(packing: PackingData) -> ModeSet:
 
 @cached_on_packing
 def z_shapes(packing: PackingData) -> Floats | None:
-    """Return how each mode of the file moves the particles along z, (k, n), kg^-1/2."""
+    """Return the displacement along z of the particles in each mode of a file, (k, n), kg^-1/2."""
     if packing.case.has("modes"):
         return read_z_shapes(packing.case.product("modes"))
     return None
 
 
 def step_of_modes(packing: PackingData, modes: ModeSet) -> Step:
-    """Return a list of modes as a step: how many it has of how many, and between which ends."""
+    """Return a step that describes a list of modes: number found, number in all, and limits."""
     count = len(modes.frequency)
     degrees_of_freedom = packing.network.degrees_of_freedom
     outcome = "complete"
@@ -73,7 +73,7 @@ def step_of_modes(packing: PackingData, modes: ModeSet) -> Step:
 
 @cached_on_packing
 def lowest_modes(packing: PackingData) -> tuple[ModeSet, Floats, list[Caveat]]:
-    """Return the lowest modes, their motion along z (k, n), and caveats of what the list lacks.
+    """Return the lowest modes, their motion along z (k, n), and caveats on missing modes.
 
     The modes are those of a file with shapes; without one, some are computed.
     """
@@ -103,7 +103,7 @@ def lowest_modes(packing: PackingData) -> tuple[ModeSet, Floats, list[Caveat]]:
 def standing(packing: PackingData) -> resonant.Standing | None:
     """Find, in a random packing, the mode with the largest share of each standing wave.
 
-    None for a crystal and without shapes of modes.
+    The result is None for a crystal and if there are no mode shapes.
     """
     shapes = z_shapes(packing)
     if packing.crystal or shapes is None:
@@ -114,7 +114,7 @@ def standing(packing: PackingData) -> resonant.Standing | None:
 
 @cached_on_packing
 def standing_waves(packing: PackingData) -> tuple[Floats, Floats]:
-    """Return f_r, Hz, and kappa_r, 1/m, (Eq. 4) of the standing P-waves that the files contain.
+    """Return f_r, Hz, and kappa_r, 1/m, (Eq. 4) of the standing P-waves r in the files.
 
     They are the pure modes of a crystal, else the modes with the largest share of each wave. Beyond
     the last such mode, and without shapes of modes, they come from the ridge of the structure
@@ -168,7 +168,7 @@ def modal_fitted(packing: PackingData) -> Value:
 
 
 def step_of_dispersion(dispersion: Dispersion) -> Step:
-    """Return the fit of a crystal's dispersion relation as a step."""
+    """Return a step that describes the fit of a crystal's dispersion relation."""
     numbers = {
         "order": len(dispersion.coefficients),
         "velocity": dispersion.velocity,
@@ -178,7 +178,7 @@ def step_of_dispersion(dispersion: Dispersion) -> Step:
 
 
 def velocity_of_standing_waves(frequency: Floats, wavenumber: Floats) -> Value:
-    """Measure V_P, m/s, by the frequencies (R,), Hz, and wave numbers (R,), 1/m, of r = 1 ... R."""
+    """Measure V_P, m/s, of standing waves from frequencies (R,), Hz, and wave numbers (R,), 1/m."""
     velocity, error = resonant.long_wave_velocity(frequency, wavenumber)
     rows = resonant.FITTED_ROWS
     known = np.isfinite(frequency[rows] / wavenumber[rows])
@@ -205,9 +205,10 @@ def f_max(packing: PackingData) -> float:
 
 
 def highest_seat(packing: PackingData) -> tuple[float, float]:
-    """Return how many spheres move in the highest mode, and the contacts of the one moving most.
+    """Return the number of spheres that move in the highest mode, and the contacts of its centre.
 
-    The first number is the participation number of the translations.
+    The first number is the participation number of the translations. The centre of the mode is the
+    sphere that moves most.
     """
     modes = packing.case.needed("highest.modes")
     if modes.mode_shape is None:
@@ -279,7 +280,7 @@ def excess_peak(packing: PackingData) -> Value:
 
 
 def step_of_peak(packing: PackingData) -> Step:
-    """Return the search for the largest D(f) / f^2 above the lowest frequency as a step."""
+    """Return a step that describes the search for the largest D(f) / f^2."""
     frequency = density(packing)[0]
     peak = excess(packing).peak_frequency
     line = 4 * float(frequency[1] - frequency[0])
@@ -312,7 +313,7 @@ def resonances(packing: PackingData) -> Value:
 
 
 def _step_of_standing(waves: resonant.Standing) -> Step:
-    """Return the search for standing waves as a step; it ends at a wave that belongs to no mode."""
+    """Return a step that describes the search for standing waves up to the first missing one."""
     numbers = {
         "waves": len(waves.frequency),
         "share": waves.next_share,

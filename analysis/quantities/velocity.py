@@ -64,7 +64,7 @@ Hz."""
 def chain(packing: PackingData, key: str, order: int = 0) -> Dispersion:
     """Measure the dispersion relation along a crystal's chain.
 
-    `order` is that of the fit to the neighbour ratio; 0 for the usual one.
+    `order` is the order of the fit to the neighbour ratio; 0 means the default order.
     """
     record = packing.record(key)
     order = order or FIT_ORDERS[record.direction][0]
@@ -79,7 +79,7 @@ def chain(packing: PackingData, key: str, order: int = 0) -> Dispersion:
 
 @cached_on_packing
 def coherent(packing: PackingData, key: str, decay: float = DECAY) -> Coherent:
-    """Measure the coherent wave of a record; an S-wave only as far as it is long.
+    """Measure the coherent wave of a record; of an S-wave, only long waves.
 
     `decay` is the damping of the window over the record.
     """
@@ -109,8 +109,8 @@ def longest(packing: PackingData, key: str) -> Value:
     """Measure the velocity of the longest waves of a record, m/s.
 
     The error combines that of the fit and that of the window. The window changes a velocity in
-    proportion to its damping, and its part of the error is the change from no damping to the usual
-    one. In a test with 30 velocities in slabs 45 to 90 D long, cut from repeated cells whose V
+    proportion to the damping; this part of the error is the change from zero damping to the
+    default. In a test with 30 velocities in slabs 45 to 90 D long, cut from repeated cells whose V
     follows from the moduli, the errors of the fit were a third of the true errors, and those of the
     window 1.1 times the true errors.
     """
@@ -136,12 +136,12 @@ def longest(packing: PackingData, key: str) -> Value:
 
 
 def _step_of_order(order: int, velocity: float) -> Step:
-    """Return the fit of this order to a crystal's neighbour ratio as a step."""
+    """Return a step that describes the fit of this order to a crystal's neighbour ratio."""
     return Step("fit", "fitted", {"order": order, "velocity": velocity})
 
 
 def _step_of_damping(packing: PackingData, key: str, decay: float) -> Step:
-    """Return the fit to the longest waves under one damping of the window as a step."""
+    """Return a step that describes the fit to the longest waves under one damping."""
     wave = coherent(packing, key, decay)
     known = wave.frequency[np.isfinite(wave.attenuation)]
     frequency = wave.frequency[fitted_frequencies(wave)]
@@ -217,7 +217,7 @@ def of_frequency(packing: PackingData, frequency: float) -> tuple[Caveat, ...]:
 def _measure_long_waves(packing: PackingData, key: str) -> Value:
     """Measure the velocity of the longest waves between two walls, m/s.
 
-    In a short random packing the error includes that velocities are too high.
+    In a short random packing velocities are too high, and the error includes this bias.
     """
     velocity = longest(packing, key).with_caveats(*packing.of_waves)
     length = packing.network.length / packing.diameter
@@ -290,8 +290,8 @@ def v_p_first_peaks(packing: PackingData) -> Value:
 def v_other_source(packing: PackingData) -> Value:
     """Measure the velocity of a recorded wave from a plane, a sphere or a disc, or of torsion.
 
-    It is that of the first peaks in the means over layers above the source. Near a small source
-    they are not those of a plane wave: `python -m analysis transducers` reads two discs by rules.
+    The velocity is read from first peaks in the means over layers above the source. Near a small
+    source there is no plane wave: use `python -m analysis transducers` for two discs.
     """
     record = packing.of_other_source
     if record is None:

@@ -1,1 +1,1 @@
-"""The whole study: tables, figures and targets over all its cases, and one page of them."""
+"""Make tables, figures, targets and the page of a study from the results of its cases."""

@@ -1,4 +1,4 @@
-"""Compare numbers with two bounds: which are inside, and which is furthest off."""
+"""Compare numbers with two bounds: find which are inside, and which is furthest off."""
 
 import re
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ Spec = Mapping[str, Any]
 
 
 class Bounds(NamedTuple):
-    """Lower and upper bound, either of which may be infinite, and the stated value, or NaN."""
+    """Lower and upper bound, each of which may be infinite, and the published value, or NaN."""
 
     low: float
     high: float
@@ -20,14 +20,14 @@ class Bounds(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """A distance from a stated value, in the unit of the value or in per cent of it."""
+    """A distance from a published value, in the unit of the value or in per cent of it."""
 
     size: float
     percent: bool
 
     @classmethod
     def parse(cls, text: str | float) -> "Tolerance":
-        """Return the tolerance that a text such as 0.01 or 2 % states."""
+        """Return the tolerance given by a text such as 0.01 or 2 %."""
         percent = re.fullmatch(r"([\d.]+) %", str(text))
         if percent:
             return cls(float(percent[1]), True)
@@ -41,7 +41,7 @@ class Tolerance(NamedTuple):
         return value - distance, value + distance
 
     def describe_deviation(self, value: float, stated: float) -> str:
-        """Describe how far a value is from the stated one, in the unit of the tolerance."""
+        """Describe the deviation of a value from the stated one, in the tolerance's unit."""
         if self.percent:
             return f"{100 * (value / stated - 1):+.2f} %"
         return f"{value - stated:+.4f}"
@@ -50,7 +50,7 @@ class Tolerance(NamedTuple):
 class Comparison(NamedTuple):
     """Numbers compared with their bounds: which are inside, and which is furthest off.
 
-    `deviation` describes how far a single number is from the stated value; None without one.
+    `deviation` describes the distance of a single number from the stated value; else None.
     """
 
     inside: pd.Series
@@ -65,7 +65,7 @@ def compare_with_bounds(
 ) -> Comparison:
     """Compare numbers with their bounds.
 
-    `errors` of the rule is a number of standard errors by which the bounds are widened.
+    The bounds are widened by `errors` standard errors, a setting of the rule.
     """
     # An unknown error, such as that of a power from two stresses, widens nothing.
     margin = rule.get("errors", 0) * errors.fillna(0)
@@ -80,10 +80,10 @@ def compare_with_bounds(
 
 
 def _distance(values: pd.Series, bounds: Bounds, rule: Spec) -> pd.Series:
-    """Return how far values are from the aim: the middle of the bounds, unless the rule has one.
+    """Return the distance of values from the aim of the rule, by default the middle of the bounds.
 
-    With a single finite bound there is no middle; the nearer to the bound, or the further beyond
-    it, the larger the distance.
+    With a single finite bound there is no middle; the distance then grows towards the bound and
+    beyond.
     """
     aim = rule.get("aim", (bounds.low + bounds.high) / 2)
     if np.isfinite(aim):

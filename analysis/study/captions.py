@@ -1,8 +1,8 @@
 """Fill numbers of a study's cases into sentences: captions, and statements about the whole study.
 
-`{{ value('case06', 'void_ratio') }}` in a sentence is that number with its error: between double
-braces stands an expression (`analysis.expressions`) that calls one of a few functions. So no number
-is typed by hand, and each follows the present results.
+`{{ value('case06', 'void_ratio') }}` in a sentence is that number with its error: the double braces
+contain an expression (`analysis.expressions`) that calls one of a few functions. Thus no number is
+typed by hand, and all numbers agree with the present results.
 """
 
 import re
@@ -30,7 +30,7 @@ OTHER_MARKS = ("{{", "}}", "{%", "{#")
 class Captions:
     """The functions that a sentence may call on the cases of a frame.
 
-    `UNKNOWN` stands for a number that is not known of any case.
+    `UNKNOWN` is printed for a number that is not known for any case.
     """
 
     def __init__(self, frame: pd.DataFrame) -> None:
@@ -52,7 +52,7 @@ class Captions:
         return PLACE.sub(self._evaluate, text).removesuffix("\n")
 
     def _evaluate(self, place: re.Match[str]) -> str:
-        """Evaluate the expression in one place."""
+        """Return the text for one expression in double braces, a match of a pattern."""
         return str(evaluate(place[1], {}, self._functions))
 
     def value(self, case: str, quantity: str) -> str:
@@ -89,16 +89,16 @@ class Captions:
         return f"{exponents.min():.2f} to {exponents.max():.2f}"
 
     def count(self, test: str, which: str = RANDOM) -> str:
-        """Return for how many cases of a selection a comparison of their numbers is true."""
+        """Return the number of cases in a selection for which a comparison is true."""
         cases = select(self.frame, which)
         return f"{len(select(cases, test))} of {len(cases)}"
 
     def trends(self, quantity: str, x: str, through: str, to: str) -> str:
         """Extrapolate a quantity linearly in x, at each stress, from cases `through` to cases `to`.
 
-        The value of the straight line comes with its standard error. Beside it stand the value of
-        the line through the quantity's logarithm, which shows how much the form of the curve
-        matters, and the mean of the other cases.
+        The text has the value of the straight line with its standard error, the value of a line
+        through the quantity's logarithm, which shows how much the form of the curve matters, and
+        the mean of the cases `to`.
         """
         texts = []
         for stress, members in self.frame.groupby("stress"):

@@ -1,7 +1,8 @@
-"""Print one case beside theory, other methods and what is stated: 80 columns, a verdict a row.
+"""Print a case beside theory, other methods and published numbers, with a verdict for each row.
 
-A crystal is shown by theory, modes, linear wave and YADE. Of other packings each number stands
-beside a stated one or, if nothing is stated, beside that of another method.
+For a crystal there are columns for theory, modes, linear wave and YADE. The table has 80 columns of
+text. For other packings each number is compared with a published one or, without one, with that of
+another method.
 """
 
 import csv
@@ -66,13 +67,13 @@ UNKNOWN_CAUSE = "of a cause that is not known"
 
 
 class Verdict(NamedTuple):
-    """Whether numbers agree, in words; `differs` is None if there is nothing to compare."""
+    """A text on whether numbers agree; `differs` is None if there is nothing to compare."""
 
     text: str
     differs: bool | None
 
     def why(self, agrees_because: str, differs_because: str) -> str:
-        """Return the line that says why, without indent; empty if nothing needs to be said."""
+        """Return a line with the reason for the verdict, without indent; empty without a reason."""
         if self.differs:
             return f"differs because {differs_because or UNKNOWN_CAUSE}"
         if self.differs is False and agrees_because:
@@ -81,7 +82,7 @@ class Verdict(NamedTuple):
 
 
 class CaseRow(NamedTuple):
-    """A row of the table: what is compared, its numbers, the verdict, and a line below it."""
+    """A row of the table: quantity, numbers, verdict, and an explanation below the row."""
 
     shown: str
     cells: Sequence[str]
@@ -90,7 +91,7 @@ class CaseRow(NamedTuple):
 
 
 class Stated(NamedTuple):
-    """What is stated of a quantity, in words, and its two ends; a single number is both ends."""
+    """A published number or range: its text and its two ends, equal for a single number."""
 
     text: str
     low: float
@@ -135,13 +136,13 @@ def case_text(study: Study, results: Path, name: str) -> tuple[str, list[str]]:
 
 
 def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """Return a line of the table; its last cell is as long as it is."""
+    """Return a line of the table; the last cell is not padded."""
     padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=False)]
     return " ".join([*padded, cells[-1]]).rstrip()
 
 
 def _crystal_rows(row: CaseResult, case: pd.DataFrame, rules: Rules) -> list[CaseRow]:
-    """Return the rows of a crystal that compare two numbers at least."""
+    """Return the rows of a crystal that compare at least two numbers."""
     shown = {line["id"]: line for line in crystal.table_lines()}
     lines = []
     for key, _, _, *cells, _ in row.tables["comparison"]:
@@ -178,7 +179,7 @@ def _largest_deviation(values: Sequence[float], stated: float) -> float:
 
 
 def _random_rows(row: CaseResult, case: pd.DataFrame, rules: Rules) -> list[CaseRow]:
-    """Return the rows of a packing that is no crystal."""
+    """Return the rows of a packing that is not a crystal."""
     stated_quantities = [statement["quantity"] for statement, _ in rules.statements]
     lines = []
     for quantity in dict.fromkeys([*ALWAYS_SHOWN, *stated_quantities]):
@@ -210,7 +211,7 @@ def _random_rows(row: CaseResult, case: pd.DataFrame, rules: Rules) -> list[Case
 
 
 def _is_from_another_method(beside: str, row: CaseResult) -> bool:
-    """Return whether the quantity is known and not the linear wave's own, shown beside itself."""
+    """Return whether the quantity `beside` is known, and not read from the linear wave itself."""
     is_own = row.record == "linear" and beside.startswith("f_low_pass")
     return bool(beside) and np.isfinite(row.value(beside)) and not is_own
 
@@ -218,7 +219,7 @@ def _is_from_another_method(beside: str, row: CaseResult) -> bool:
 def _verdict_beside(value: float, error: float, low: float, high: float) -> Verdict:
     """Return the verdict on a value beside a number or a range.
 
-    A range is one already, so that the error of the value does not widen it.
+    A range is not widened by the error of the value.
     """
     if low == high:
         percent = abs(low) / 100
@@ -253,7 +254,7 @@ def verdict_of(deviation: float, agreement: float) -> Verdict:
 
 
 def _stated(rules: Rules, quantity: str, case: pd.DataFrame) -> Stated | None:
-    """Return what is stated of a quantity of a case; None if nothing is."""
+    """Return the published number for a quantity of a case; None if there is none."""
     row = rules.stated_row(quantity, case)
     if row is None:
         return None

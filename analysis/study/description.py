@@ -8,8 +8,8 @@
         wave_friction: friction + 0.1
 
 Each combination of factors is a case. A setting is a value; a text with a factor's name in it,
-which is computed; or a mapping with `by`, which a factor's value picks from. Whole numbers in a row
-may be written as `seed: 1 to 8`. `cases` names exceptions.
+which is computed; or a mapping with `by`, from which the value of a factor selects. Whole numbers
+in a row may be written as `seed: 1 to 8`. `cases` names exceptions.
 """
 
 import io
@@ -59,7 +59,7 @@ prints them below a number."""
 class Study:
     """A study: its `settings`, and its cases as `rows` by name, each with its own settings.
 
-    InputError, in one line that says what may stand there, where its file means no study.
+    Raises InputError, in one line with the allowed values, if its file does not describe a study.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -119,7 +119,7 @@ class Study:
             )
 
     def _refuse_no_case(self, where: str, name: str, rows: Mapping[str, Any]) -> None:
-        """Raise InputError for a name that no case has."""
+        """Raise InputError if a name is not that of a case."""
         if name not in rows:
             first, *_, last = *rows, *rows
             raise InputError(
@@ -180,9 +180,9 @@ class Study:
     def _refuse_absent_choices(
         self, groups: list[Any], factors: list[dict[str, list[Any]]]
     ) -> None:
-        """Raise InputError for a choice `by` a factor's value that no case of any group has.
+        """Raise InputError for a choice `by` a value of a factor that no case of any group has.
 
-        Groups may share their choices: a value counts whichever group has it.
+        Groups may share their choices: a value may belong to any group.
         """
         for group in groups:
             for name, choices in group.items():
@@ -207,7 +207,7 @@ class Study:
                         )
 
     def _listed(self, name: str, given: Any) -> list[Any]:
-        """Return the values of a factor from a list, a single value, or a text as `1 to 8`."""
+        """Return the values of a factor from a list, a single value, or a text like `1 to 8`."""
         if isinstance(given, str) and (ends := re.fullmatch(r"(\d{1,9}) to (\d{1,9})", given)):
             first = int(ends[1])
             last = int(ends[2])
@@ -256,7 +256,7 @@ class Study:
         return value
 
     def _computed(self, name: str, text: str, numbers: Mapping[str, float]) -> float:
-        """Return a setting that is a sum of others."""
+        """Return a setting that is computed from other settings."""
         try:
             value = evaluate(text, numbers)
         except InputError as error:
@@ -328,7 +328,7 @@ class Study:
         return found.assign(select=found["select"].fillna(""), **ends)
 
     def _read_stated(self, path: Path) -> pd.DataFrame:
-        """Return the table of stated numbers from its file; InputError if it is no such table."""
+        """Return the table of stated numbers from its file; InputError for another file."""
         text = read_small(path)
         texts = dict.fromkeys(("quantity", "select"), object)
         try:
@@ -353,7 +353,7 @@ class Study:
 
 
 def _refuse_reversed_ends(path: Path, numbers: Mapping[str, pd.Series]) -> None:
-    """Raise InputError for a stated interval that holds no number, or not its own value."""
+    """Raise InputError for a stated interval that is empty or does not contain its value."""
     low = numbers["low"].fillna(-np.inf)
     high = numbers["high"].fillna(np.inf)
     value = numbers["value"]
@@ -385,7 +385,7 @@ def following(entry: Mapping[str, Any]) -> Iterator[None]:
 
 
 def part_of_name(factor: str, value: Any) -> str:
-    """Return what a factor's value adds to the name of its files.
+    """Return the part of file names that stands for a factor's value.
 
     >>> part_of_name("width", 10.0), part_of_name("contact_model", "rough 1e-6")
     ('width10', 'contact_model-rough-1e-6')

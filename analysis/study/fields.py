@@ -24,7 +24,7 @@ SHOWN_TYPES = str | int | float | np.integer | np.bool_
 
 
 def number_format(text: object) -> str:
-    """Return a format of numbers; raise InputError if the text is no such format.
+    """Return a format of numbers; raise InputError if the text is not one.
 
     >>> number_format(".3g")
     '.3g'
@@ -35,7 +35,7 @@ def number_format(text: object) -> str:
 
 
 def field_names(text: str) -> set[str]:
-    """Return the names that stand in braces in a text."""
+    """Return the names in braces in a text."""
     return {match[1] for match in FIELD.finditer(text)}
 
 
@@ -63,7 +63,7 @@ def fill(text: str, values: Mapping[str, Any]) -> str:
 
 
 def file_inside(folder: Path, name: str) -> Path:
-    """Return the file of this name in a folder; raise InputError if the name leads out of it."""
+    """Return the file of this name in a folder; raise InputError if it leads outside."""
     path = folder / name
     if path.parent.resolve() != folder.resolve() or name in ("", ".", ".."):
         raise InputError(

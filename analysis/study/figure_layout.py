@@ -1,4 +1,4 @@
-"""Arrange the figures of a study: which panels of which cases each shows, as the study describes.
+"""Arrange the figures of a study from panels of its cases, as the study describes.
 
 Panels of single cases were drawn when the case was measured. They lie beside its result as CSV
 files, from which a figure is drawn again.
@@ -42,7 +42,7 @@ class DrawnFigure(NamedTuple):
 
 
 def figures_of_case(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
-    """Return the names of the figures that show panels of a case, which is a frame of one line."""
+    """Return the names of the figures that show panels of a case, given as a frame of one line."""
     names = []
     for spec in specs:
         if "cases" in spec and "figure" in spec and len(select(case, spec["cases"])):
@@ -57,7 +57,7 @@ def draw_figures(
 
     Returns the figures in the order of the specs, and a line for each that cannot be drawn.
     `panels` is the folder with the panels of each case, CASE.FIGURE.csv. Raises InputError if a
-    spec is wrong, not if cases lack something.
+    spec is wrong, but not if cases lack data.
     """
     from analysis.figures.render import save  # Matplotlib, which measuring a case does not need
 
@@ -105,9 +105,9 @@ def _compose(spec: Spec, cases: pd.DataFrame, panels: Path) -> tuple[Picture, li
 
 
 def plot_quantities(spec: Spec, cases: pd.DataFrame) -> Picture:
-    """Plot each quantity of `y` over `x` in a panel, with a line for each value of `by`.
+    """Plot each quantity of `y` against `x` in a panel, with a line for each value of `by`.
 
-    A point is the mean of the cases that have one x and one value of `by`.
+    A point is the mean of the cases with the same x and the same value of `by`.
     """
     panels = []
     for quantity in spec["y"]:

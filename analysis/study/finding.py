@@ -67,7 +67,7 @@ def list_failures(measured: RuleValues, comparison: Comparison, rule: Spec) -> l
 
 
 def describe_comparison(measured: RuleValues, comparison: Comparison) -> list[str]:
-    """Describe how the numbers compare with their bounds, and what speaks against the verdict.
+    """Describe the comparison of numbers with their bounds, and doubts about the verdict.
 
     Numbers outside are listed, unless the deviation of a single number says as much.
     """
@@ -79,7 +79,7 @@ def describe_comparison(measured: RuleValues, comparison: Comparison) -> list[st
 
 
 def describe_shortly(measured: RuleValues, comparison: Comparison, rule: Spec) -> str:
-    """Describe the finding in few words: the slope, the deviation, or how many are inside."""
+    """Describe the finding shortly: slope, deviation, or count of numbers inside the bounds."""
     if rule.get("grows", False):
         return f"{measured.slope.value:+.1f} ± {measured.slope.error:.1g} over e"
     if comparison.deviation is not None:
@@ -88,7 +88,7 @@ def describe_shortly(measured: RuleValues, comparison: Comparison, rule: Spec) -
 
 
 def _describe_count(measured: RuleValues, comparison: Comparison) -> str:
-    """Describe how many numbers are inside their bounds, and over which range they spread."""
+    """Describe how many numbers are inside their bounds, and the range of the numbers."""
     values = measured.values
     count = f"{comparison.inside.sum()} of {len(values)} inside"
     return f"{count}, {values.min():.5g} to {values.max():.5g}"

@@ -1,4 +1,4 @@
-"""Define kinds of values of a study: numbers in a range, words, texts, lists, lines NAME: VALUE."""
+"""Define kinds of values in a study: numbers in a range, words, texts, lists, named values."""
 
 import math
 import re
@@ -29,8 +29,7 @@ class Kind(Protocol):
 class Number:
     """A finite number, whole or not, between bounds.
 
-    `least` and `most` are values that it may have; it must be larger than `above` and smaller than
-    `below`.
+    It must be at least `least`, at most `most`, larger than `above` and smaller than `below`.
     """
 
     least: float = -math.inf
@@ -91,7 +90,7 @@ class Word:
 
 @dataclass(frozen=True)
 class Text:
-    """A text that matches a pattern, has at most `length` characters, and not `refused` in it."""
+    """A text that matches a pattern, has at most `length` characters, and none of `refused`."""
 
     description: str = "a text"
     pattern: str = r"[\s\S]*"
@@ -131,7 +130,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Several:
-    """A list of `least` to `most` values of one kind; `plural` names them in messages."""
+    """A list of `least` to `most` values of the same kind; `plural` names them in messages."""
 
     kind: Kind
     plural: str
@@ -154,7 +153,7 @@ class Several:
 class Lines:
     """Lines NAME: VALUE.
 
-    The names of `needed` must be there. Those of `known` have values of the kinds there; any other
+    The names in `needed` are required. `known` maps names to the kinds of their values; any other
     name has a value of `kind`, or is refused if `kind` is None.
     """
 
@@ -228,7 +227,7 @@ def refuse_other(place: str, name: str, value: Any, kind: Kind) -> None:
 
 
 def as_whole_number(value: Any, kind: Kind) -> Any:
-    """Return 1000 for 1e3 if the kind is a whole number, else the value as it is."""
+    """Return 1e3 as the integer 1000 if the kind is a whole number, else the value unchanged."""
     if isinstance(kind, Number) and kind.whole and value is not None:
         return int(value)
     return value

@@ -41,7 +41,7 @@ QUANTITIES_OF_OTHER_SEEDS = (
 def measure_case(
     study: Study, name: str, files: Sequence[Path], folder: Path, output: Path, scatter: bool
 ) -> None:
-    """Measure a case of a study, or a state that is no case, and write its result.
+    """Measure a case of a study, or another state of a compression, and write its result.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ def measure_case(
     output : Path
         File of the result, *.json. Panels of figures are written beside it.
     scatter : bool
-        Measure only the numbers of another seed's packing whose scatter is shown, without errors
-        along every column of particles.
+        Measure only the numbers whose scatter over seeds is shown, for a packing of another seed,
+        and leave out errors along every column of particles.
 
     Raises
     ------
@@ -149,14 +149,14 @@ def _tabulate_resonances(m: PackingData) -> list[list[str]]:
 
 
 def _pad(cells: list[str]) -> list[str]:
-    """Return exactly `MAX_RESONANCES` cells, empty ones after the last."""
+    """Return exactly `MAX_RESONANCES` cells: the given ones, followed by empty ones."""
     return (cells + [""] * MAX_RESONANCES)[:MAX_RESONANCES]
 
 
 def _describe_edge(edge: Value) -> str:
     """Return a threshold's frequency in kHz, or the reason why there is none.
 
-    A frequency that stands on no plateau is marked.
+    A frequency that is not on a plateau is marked.
     """
     text = number(1e-3 * edge.value, 1e-3 * edge.error)
     if not text:

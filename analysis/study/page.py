@@ -1,8 +1,8 @@
 """Fill the page of a study: plain.html.j2, or the study's own page.html.j2, which extends it.
 
-A study's template may come from someone else. It sees texts and numbers, no objects; it is filled
-in Jinja's sandbox, with few filters and no functions but `number`; and it has no part that could
-make a text longer without end, or read another file. All that it shows is escaped.
+A study's template may come from someone else. It gets texts and numbers, but no objects. It is
+filled in Jinja's sandbox, with few filters and only the function `number`. Parts that could make an
+endless text or read another file are refused. Everything that it shows is escaped.
 """
 
 from collections.abc import Iterator, Mapping
@@ -46,7 +46,7 @@ PARTS: tuple[type[jinja2.nodes.Node], ...] = (
 
 
 class Sandbox(jinja2.sandbox.ImmutableSandboxedEnvironment):
-    """Jinja's sandbox, in which sums are of numbers alone, and objects have no attributes."""
+    """Jinja's sandbox, limited to arithmetic with numbers and without attributes of objects."""
 
     intercepted_binops = frozenset(["+", "-", "*", "/"])
 
@@ -68,7 +68,8 @@ class Sandbox(jinja2.sandbox.ImmutableSandboxedEnvironment):
 def page(folder: Path, content: Mapping[str, Any]) -> str:
     """Return the page of a study in `folder`, of texts and numbers by name.
 
-    It refers to nothing outside it. InputError where the study's own template cannot be filled.
+    The page is complete without other files. Raises InputError if the study's own template cannot
+    be filled.
     """
     path = folder / OWN
     sources = {PLAIN: Path(__file__).with_name(PLAIN).read_text()}
@@ -100,19 +101,19 @@ def _sandbox(sources: dict[str, str]) -> Sandbox:
 
 
 def anchor(title: str) -> str:
-    """Return the name of a heading in links to it."""
+    """Return the link target of a heading."""
     return "".join(char if char.isalnum() else "-" for char in title.lower())
 
 
 def _number(value: Any, error: Any = float("nan")) -> str:
-    """Return a value with its error; empty where it is not known."""
+    """Return a value with its error; empty if not known."""
     if isinstance(value, jinja2.Undefined):
         return ""
     return number(value, float("nan") if isinstance(error, jinja2.Undefined) else error)
 
 
 def _refuse_program(template: jinja2.nodes.Template) -> None:
-    """Raise InputError if a template has a part that it may not have."""
+    """Raise InputError if a template contains a part that is not allowed."""
     for node, loops in _with_loops(template, 0):
         allowed = isinstance(node, PARTS) and loops <= MAX_LOOPS
         match node:

@@ -1,6 +1,6 @@
 """Write the whole study from the results of its cases: tables, figures, targets, one page.
 
-A case without a result is listed as missing; nothing stands in for it.
+A case without a result is listed as missing, and is not replaced.
 """
 
 import base64
@@ -54,8 +54,8 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     study : Study
         The study.
     results : Path
-        Folder of results with the panels of their figures, and of the tables that
-        `python -m analysis agreement` has made of cases. Its absent.csv says why cases have no
+        Folder of results with the panels of their figures, and of the tables that `python -m
+        analysis agreement` has made of cases. The file absent.csv in it says why cases have no
         result.
     output : Path
         Folder to write to.
@@ -112,7 +112,7 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
 
 
 def _refuse_same_files(specs: Sequence[Mapping[str, Any]]) -> None:
-    """Raise InputError if two tables or figures share a file, or take one of every study."""
+    """Raise InputError if two tables or figures have the same file, or that of a standard table."""
     taken = set(FILES_OF_EVERY_STUDY)
     for spec in specs:
         name = spec["name"].lower()
@@ -136,7 +136,7 @@ def _read_agreements(results: Path, frame: pd.DataFrame) -> list[Table]:
 
 
 def _write_tables(tables: Sequence[Table], names_on_pages: set[str], output: Path) -> None:
-    """Write tables that have rows as CSV, and those of these names as Markdown, too."""
+    """Write tables that have rows as CSV; those in `names_on_pages` also as Markdown."""
     for table in tables:
         if not table.rows:
             continue
@@ -154,7 +154,7 @@ def _add_stated_columns(frame: pd.DataFrame, rules: Rules) -> None:
 
 
 def _known_values(cases: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Return the numbers and texts of each case that are known, by name."""
+    """Return the known numbers and texts of each case, by name."""
     values = {}
     for name, case in cases.iterrows():
         plain = {key: value for key, value in case.items() if _is_plain(value)}
@@ -164,12 +164,12 @@ def _known_values(cases: pd.DataFrame) -> dict[str, dict[str, Any]]:
 
 
 def _is_plain(value: Any) -> bool:
-    """Tell whether a value is one that a page can show: a text or a number."""
+    """Tell whether a page can show a value: a text or a number."""
     return isinstance(value, str | int | float | np.number)
 
 
 def _count(frame: pd.DataFrame, answers: Sequence[Answer]) -> dict[str, Any]:
-    """Return how many cases and targets there are, and what is missing of which cases."""
+    """Return the numbers of cases and targets, and the missing results of cases."""
     present = frame[frame["there"]]
     missing = frame[~frame["there"]]
     sampled = present[present["packings"] > 1]
@@ -196,7 +196,7 @@ def _count(frame: pd.DataFrame, answers: Sequence[Answer]) -> dict[str, Any]:
 
 
 def _embed(figure: DrawnFigure) -> dict[str, str]:
-    """Return a figure whose image is text, so that the page contains it."""
+    """Return a figure with its image as text, so that the page contains the image."""
     return {
         "name": figure.png.stem,
         "caption": figure.caption,
@@ -221,7 +221,7 @@ def _tabulate_absent(path: Path, frame: pd.DataFrame) -> Table:
 
 
 def _read_table(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Return header and cells of a table that was written before; InputError if it is none."""
+    """Return header and cells of a table that was written before; InputError if invalid."""
     try:
         table = pd.read_csv(path, dtype=str, keep_default_na=False)
     except ValueError as error:
@@ -234,7 +234,7 @@ def _read_table(path: Path) -> tuple[list[str], list[list[str]]]:
 def _shorten_paths(command: list[str]) -> str:
     """Return a command as text, without folders of this machine.
 
-    Paths below the working folder are relative to it; of others the last part is left.
+    Paths below the working folder are relative to it; of other paths only the last part remains.
     """
     words = []
     for word in command:

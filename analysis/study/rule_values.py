@@ -22,7 +22,7 @@ class Slope(NamedTuple):
 
 
 class Unsettled(NamedTuple):
-    """A case that has not settled, and what of its state has not."""
+    """A case that has not settled, and the properties of its state that have not."""
 
     case: str
     reason: str
@@ -33,9 +33,9 @@ class RuleValues:
     """The numbers that a rule compares with its bounds, by case, group or stress, with errors.
 
     description: what the numbers are, or which are missing. complete: whether no number is missing.
-    unsettled: cases that have not settled. off_plateau: numbers of the cases whose threshold,
-    `threshold` in per cent, stands on no plateau. A target with such cases is not met. slope: the
-    slope of the power-law exponents over void ratio.
+    unsettled: cases that have not settled. off_plateau: numbers of the cases whose frequency at the
+    threshold, `threshold` in per cent, is not on a plateau. A target with such cases is not met.
+    slope: slope of the power-law exponents against void ratio.
     """
 
     values: pd.Series
@@ -48,7 +48,7 @@ class RuleValues:
     slope: Slope = Slope()
 
     def describe_doubts(self) -> list[str]:
-        """Describe which cases have not settled or stand on no plateau."""
+        """Describe which cases have not settled or are not on a plateau."""
         texts = [f"{case} has not settled: {reason}" for case, reason in self.unsettled]
         if len(self.off_plateau):
             texts.append(f"no plateau at {self.threshold} % in case {runs(self.off_plateau)}")
@@ -88,7 +88,7 @@ def _collect_numbers(rule: Spec, cases: pd.DataFrame) -> RuleValues:
 
 
 def _collect_powers(rule: Spec, cases: pd.DataFrame) -> RuleValues:
-    """Return the power of `y` over `x` in each group."""
+    """Return the exponent of `y` as a power of `x` in each group."""
     producer, x, y, plateau = of_one_producer(
         cases["record"].dropna(), rule["x"], rule["y"], rule.get("plateau", "")
     )
@@ -110,7 +110,7 @@ def _collect_powers(rule: Spec, cases: pd.DataFrame) -> RuleValues:
 
 
 def _collect_contrasts(rule: Spec, cases: pd.DataFrame) -> RuleValues:
-    """Return the largest number at each stress divided by the smallest, less 1, in %.
+    """Return the largest number at each stress divided by the smallest, minus 1, in %.
 
     The error follows from those of the two numbers. Stresses at which fewer groups have a
     number than at other stresses are left out.
@@ -130,7 +130,7 @@ def _collect_contrasts(rule: Spec, cases: pd.DataFrame) -> RuleValues:
 
 
 class Contrast(NamedTuple):
-    """How far apart the groups are at one stress: in per cent, with its error."""
+    """The distance of the groups at one stress, in per cent, with its error."""
 
     percent: float
     error: float
@@ -155,13 +155,13 @@ def kilopascals(stress: float) -> str:
 
 
 def _list_unsettled(cases: pd.DataFrame, column: str) -> list[Unsettled]:
-    """Return the cases that have not settled, according to a column of reasons."""
+    """Return the cases that have not settled: those with a reason in the column."""
     reasons = cases.get(column, pd.Series(dtype=object)).dropna()
     return [Unsettled(case, reason) for case, reason in reasons.items() if reason]
 
 
 def _cases_off_plateau(cases: pd.DataFrame, plateau: str) -> pd.Series:
-    """Return the numbers of the cases whose threshold stands on no plateau of this name, if any."""
+    """Return the numbers of the cases without the named plateau, if any."""
     present = cases[cases["there"]]
     if not plateau:
         return present["case"][:0]

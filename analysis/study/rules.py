@@ -1,10 +1,11 @@
 """Apply the rule of a target to the numbers of a study.
 
-A rule is data. It names the cases (`select`), and either their `quantity` is `near` or `inside`
-what is stated, or `y` grows with a `power` of `x` in each group, or the cases lie not too far
-`apart` at each stress. The bounds are the target's own `low` and `high`, or those that are stated;
-`within`, as in 0.01 or 2 %, sets them around a stated value. Each rule thus compares numbers with
-two bounds, and the number that is furthest off is the value of the target.
+A rule is data. It names the cases (`select`), and one of four conditions: their `quantity` is
+`near` or `inside` the published number, `y` is proportional to a `power` of `x` in each group, or
+the cases are not too far `apart` at each stress. The bounds are the target's own `low` and `high`,
+or the published ones; `within`, such as 0.01 or 2 %, sets them around a published value. Each rule
+thus compares numbers with two bounds, and the number that is furthest off is the value of the
+target.
 """
 
 from typing import Any, get_args
@@ -35,7 +36,7 @@ UNKNOWN = (np.nan, np.nan)
 class Rules:
     """The rules, applied to the frame of a study's cases and its table of stated numbers.
 
-    `statements` are the rows of that table, each with the names of the cases that it is about.
+    `statements` are the rows of this table, each with the names of its cases.
     """
 
     def __init__(self, frame: pd.DataFrame, stated: pd.DataFrame) -> None:
@@ -46,14 +47,14 @@ class Rules:
         ]
 
     def stated_row(self, quantity: str, cases: pd.DataFrame) -> pd.Series | None:
-        """Return what is stated of a quantity for any of these cases; None if nothing is."""
+        """Return the stated row for a quantity of any of these cases; None if there is none."""
         for row, names in self.statements:
             if row["quantity"] == quantity and cases.index.isin(names).any():
                 return row
         return None
 
     def stated_intervals(self, case: str) -> dict[str, tuple[float, float]]:
-        """Return the lower and upper end of everything stated of a case, by quantity."""
+        """Return the lower and upper end of all stated numbers of a case, by quantity."""
         rows = [row for row, names in self.statements if case in names]
         return {row["quantity"]: (float(row["low"]), float(row["high"])) for row in rows}
 
@@ -118,7 +119,7 @@ class Rules:
     def _bounds(self, rule: Spec, cases: pd.DataFrame) -> Bounds:
         """Return the bounds of a rule.
 
-        They are the rule's own bounds, or lie around a stated value, or are the stated bounds.
+        These are the rule's own bounds, bounds around a stated value, or stated bounds.
         """
         quantity = rule.get("stated", rule.get("quantity", ""))
         names = ["value", "low", "high"]
@@ -152,7 +153,7 @@ class Rules:
 def _refuse_other_units(stated: pd.DataFrame) -> None:
     """Raise InputError for a stated number in another unit than the column of its quantity.
 
-    Numbers are compared as they stand: a velocity in km/s would be a thousand times too low.
+    Numbers are compared without conversion: a velocity in km/s would be a thousand times too low.
     """
     for _, row in stated.iterrows():
         expected = unit_of_column(row["quantity"])

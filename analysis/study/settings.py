@@ -1,4 +1,4 @@
-"""Define what each setting of a study may be: one table of its words and ranges."""
+"""Define the allowed values of each setting of a study, in one table."""
 
 import re
 from dataclasses import replace
@@ -26,12 +26,12 @@ NUMBER = r"\d+\.?\d*(?:e[+-]?\d+)?"
 
 
 class ContactModel:
-    """Kind of a contact model that exists, with the numbers that it takes."""
+    """Kind of value that names an existing contact model, with its numbers."""
 
     description = f"{', '.join(MODELS)}, with its numbers, as rough 1e-6"
 
     def holds(self, value: Any) -> bool:
-        """Return whether a value names such a contact model."""
+        """Return whether a value names an existing contact model, with its numbers."""
         return isinstance(value, str) and _is_model(value)
 
 

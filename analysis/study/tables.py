@@ -1,8 +1,8 @@
-"""Make a study's tables from data that say what their columns show of which cases.
+"""Make a study's tables from data that name columns and cases.
 
 A column is `QUANTITY | FORMAT | FLAG`. QUANTITY is a quantity or an expression of quantities.
 FORMAT is Python's format of a number, or `±` for a value rounded to its error's first digit. FLAG
-is a column of yes or no; `no` puts a star behind the number.
+is a column of yes or no; `no` puts a star after the number.
 """
 
 import re
@@ -146,7 +146,7 @@ def tabulate_means(spec: Spec, cases: pd.DataFrame) -> Cells:
 def tabulate_limits(spec: Spec, cases: pd.DataFrame) -> Cells:
     """Return the limits of means over cases as x goes to zero, by a straight line.
 
-    Beside each limit stand the mean at the x nearest to `own`, and its distance from a line that is
+    The table also has the mean at the x nearest to `own`, and its distance from a line that is
     fitted without this mean.
     """
     by = spec["limit"]["by"]
@@ -161,7 +161,7 @@ def tabulate_limits(spec: Spec, cases: pd.DataFrame) -> Cells:
 
 
 def _limit_cells(members: pd.DataFrame, quantity: str, reference: float) -> list[str]:
-    """Return the cells of one limit; the mean beside it is that at the x nearest to `reference`."""
+    """Return the cells of one limit, with the mean at the x nearest to `reference`."""
     groups = members.groupby("x")
     x = np.array([value for value, _ in groups], float)
     means = np.array([mean_with_error(group, quantity) for _, group in groups]).reshape(-1, 2)
@@ -177,7 +177,7 @@ def _limit_cells(members: pd.DataFrame, quantity: str, reference: float) -> list
 
 
 def tabulate_statements(spec: Spec, rules: Rules) -> Cells:
-    """Return what is stated beside what the cases say, each a sentence with their numbers.
+    """Return a table of published statements beside sentences with the numbers of the cases.
 
     A sentence with a number that is not known is left out.
     """
@@ -222,7 +222,7 @@ def tabulate_checks(spec: Spec, rules: Rules) -> Cells:
 
 
 def _insert_names(check: Any, names: Mapping[str, str]) -> Any:
-    """Return a check with quantities in the place of each `<NAME>` that has one in `names`."""
+    """Return a check in which each `<NAME>` is replaced by its quantity in `names`."""
     if isinstance(check, Mapping):
         return {key: _insert_names(value, names) for key, value in check.items()}
     if isinstance(check, str):
@@ -231,7 +231,7 @@ def _insert_names(check: Any, names: Mapping[str, str]) -> Any:
 
 
 def tabulate_side_by_side(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """Return a table that each case has (`side_by_side`), of several cases beside one another."""
+    """Return the tables `side_by_side` of several cases as one table."""
     parts = []
     for row in cases["row"]:
         table = row.tables.get(spec["side_by_side"])

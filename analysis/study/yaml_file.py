@@ -1,7 +1,7 @@
-"""Read a study's YAML as plain data: texts, numbers, true and false, lists, lines NAME: VALUE.
+"""Read a study's YAML as plain data: texts, numbers, true, false, lists, named values.
 
-A study's file may come from someone else. Whatever else YAML can do is therefore refused: tags that
-make objects, a name that stands twice (its first value would be lost), references that multiply the
+A study's file may come from someone else. Other features of YAML are therefore refused: tags that
+make objects, a name that occurs twice (its first value would be lost), references that multiply the
 contents without limit. Numbers are decimal: 1e5 is a number, 010 is ten, 1:30 is a text.
 """
 
@@ -44,7 +44,7 @@ and the characters with which it may begin. An empty text, which is null, begins
 def read_yaml(path: Path) -> Any:
     """Return the contents of a YAML file.
 
-    Raises InputError if the file is no YAML, contains what is refused, or is too large.
+    Raises InputError if the file is not YAML, has a refused feature, or is too large.
     """
     text = read_small(path)
     try:
@@ -116,7 +116,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
         return node
 
     def compose_mapping_node(self, anchor: Any) -> Any:
-        """Return a mapping; refuse a name that stands twice or is no text or number."""
+        """Return a mapping; refuse a name that occurs twice or is neither text nor number."""
         node = super().compose_mapping_node(anchor)
         names = set()
         for key, _ in node.value:
@@ -141,7 +141,7 @@ def _fault_at(place: Any, problem: str) -> yaml.composer.ComposerError:
 
 
 def _parse_number(text: str) -> int | float:
-    """Return the number that a text states; raise ValueError if it states none."""
+    """Return the number that a text states; raise ValueError if it is not a number."""
     if WHOLE.fullmatch(text):
         return int(text)
     if text.lower() in NOT_FINITE:

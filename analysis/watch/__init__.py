@@ -1,1 +1,1 @@
-"""A wave or modes to watch: one page with the packing in three dimensions, without a network."""
+"""Make a page that shows a wave or modes of a packing in three dimensions, offline."""

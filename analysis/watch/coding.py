@@ -1,7 +1,7 @@
-"""Code arrays of numbers as text that a page can hold: small whole numbers in base64.
+"""Encode arrays of numbers as text for a page: small integers in base64.
 
-A displacement has 16 bits a component, in steps of 1/32,767 of the largest: 35,201 spheres at 100
-times make 9 MB of text, their contacts 2 MB.
+A displacement has 16 bits for each component, in steps of 1/32,767 of the largest: 35,201 spheres
+at 100 times make 9 MB of text, their contacts 2 MB.
 """
 
 import base64
@@ -18,7 +18,7 @@ others as they are."""
 
 
 def code_numbers(values: np.ndarray, kind: str) -> str:
-    """Return numbers of a type of NumPy, such as `<i2`, in base64."""
+    """Return numbers in base64, converted to a NumPy type such as `<i2`."""
     return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode()
 
 

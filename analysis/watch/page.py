@@ -1,7 +1,7 @@
 """Write the page that shows a wave or modes of a packing in three dimensions.
 
 `packing.js` and `player.js` draw with three.js and uPlot. All of them, and the data, go into the
-page, so that it opens anywhere without a network.
+page, so that it opens offline.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Give a page the modes that it shows: shapes of all spheres, and means over layers.
+"""Provide a page with modes: shapes of all spheres, and means over layers.
 
 Keys are those that `packing.js` and `player.js` read.
 """

@@ -1,4 +1,4 @@
-"""Give a page the packing that it shows: spheres, contacts and the box, and how hard it is pressed.
+"""Provide a page with the packing: spheres, contacts, the box, and forces.
 
 Keys are those that `packing.js` and `player.js` read.
 """
@@ -17,7 +17,7 @@ POSITION_STEPS = 65535
 
 
 def describe_packing(network: Network) -> dict[str, Any]:
-    """Return where the spheres are, and how hard their contacts press them."""
+    """Return positions and radii of the spheres, the box, contacts and forces on spheres."""
     lowest = network.position.min(axis=0)
     extent = np.maximum(np.ptp(network.position, axis=0), network.radius.max())
     step = extent / POSITION_STEPS
@@ -44,7 +44,7 @@ def describe_packing(network: Network) -> dict[str, Any]:
 
 
 def _list_walls(network: Network) -> list[float | None]:
-    """Return the height, m, of the lower and the upper wall; None for a wall that is not there."""
+    """Return the height, m, of the lower and the upper wall; None for an absent wall."""
     heights: list[float | None] = []
     walls = (SOURCE_WALL, RECEIVER_WALL)
     for height, wall in zip(network.wall_position, walls, strict=True):

@@ -1,4 +1,4 @@
-"""Give a page the wave that it shows: motion of all spheres, signals of some, slip in contacts.
+"""Provide a page with a wave: motion of all spheres, signals of some, slip in contacts.
 
 Keys are those that `packing.js` and `player.js` read.
 """
@@ -39,7 +39,7 @@ MAX_SPECTRUM_FREQUENCY = 2.5
 def describe_wave(network: Network, signals: Signals, moved: np.ndarray) -> dict[str, Any]:
     """Return the displacements (n_times, n) of all spheres, m, and the signals of some.
 
-    As many of the times are shown as a page can hold.
+    The times are thinned to as many as a page can contain.
     """
     n_times = len(signals.time)
     frames = _choose_frames(n_times, network.n_particles)
@@ -103,9 +103,10 @@ def _choose_frames(n_times: int, n_spheres: int) -> Ints:
 
 
 class _RecordedMotion(NamedTuple):
-    """Words for the motion that a wave's record has, and for what its source did.
+    """Words for the motion in a wave's record, and for its source.
 
-    symbol, unit: of the motion. colour: what colours stand for. source: what sent the wave.
+    symbol, unit: symbol and unit of the motion. colour: meaning of the colours. source: name of the
+    source.
     """
 
     symbol: str
@@ -127,16 +128,16 @@ def _describe_motion(signals: Signals) -> _RecordedMotion:
 
 
 def _choose_signals(heights: Floats) -> Ints:
-    """Return the columns (k,) whose signals are shown, evenly spaced and from below."""
+    """Return the columns (k,) whose signals are shown, evenly spaced in height, lowest first."""
     ascending = np.argsort(heights)
     places = np.linspace(0, len(ascending) - 1, SHOWN_SIGNALS).round().astype(int)
     return ascending[np.unique(places)]
 
 
 def describe_slip(network: Network, signals: Signals) -> dict[str, Any]:
-    """Return the energy that slip dissipated in the contacts of each sphere, on a log scale.
+    """Return the energy that slip dissipated at each sphere, on a logarithmic scale.
 
-    Empty if the record has none.
+    The result is empty if nothing slid.
     """
     if signals.slip_ends is None or signals.slip_energy is None:
         return {}
