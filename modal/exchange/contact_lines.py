@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.stats import spearmanr
 
 from modal.exchange.law import Units
 from modal.exchange.particles_and_contacts import Contacts, Packing
-from modal.exchange.text import refuse
+from modal.exchange.refusals import refuse
 from modal.tools.arrays import Array, Floats, Ints
 
 MAX_DISTANCE_IN_RADII = 0.1
@@ -119,7 +117,9 @@ def _spheres_at(lines: ContactLines, end: int, packing: Packing, units: Units) -
         point = point - np.floor(cell.in_edges(point - cell.low)) @ edges
     # A centre on the edge of a period may lie at either side of it.
     shifts = [np.zeros(3), *edges[cell.periodic], *-edges[cell.periodic]]
-    tree = cKDTree(packing.position)
+    from scipy.spatial import KDTree  # not at import: few files have lines
+
+    tree = KDTree(packing.position)
     distance = np.full(len(point), np.inf)
     sphere = np.zeros(len(point), int)
     for shift in shifts:
@@ -135,6 +135,8 @@ def _refuse_shuffled(path: Path, force: Floats, overlap: Floats) -> None:
     """Raise InputError if forces do not grow with overlaps: they belong to other lines."""
     if len(force) < MIN_CONTACTS_TO_COMPARE or np.ptp(force) == 0 or np.ptp(overlap) == 0:
         return
+    from scipy.stats import spearmanr  # not at import: few files have lines
+
     correlation = spearmanr(force, overlap).statistic
     if correlation < MIN_CORRELATION:
         refuse(

@@ -14,8 +14,10 @@ from typing import Literal, NamedTuple, NoReturn
 
 import numpy as np
 
+from modal.exchange.digits import count_written_digits, last_digit_unit
 from modal.exchange.input_script import LIGGGHTS_WIDTHS, Script, list_liggghts_columns
 from modal.exchange.law import SI, ProgramLaw, Units
+from modal.exchange.lines import Lines
 from modal.exchange.particles_and_contacts import (
     WALLS,
     Cell,
@@ -24,16 +26,9 @@ from modal.exchange.particles_and_contacts import (
     edges_of_cell,
     find_ends,
 )
-from modal.exchange.text import (
-    Rows,
-    Words,
-    count_written_digits,
-    last_digit_unit,
-    quote,
-    read_lines,
-    refuse,
-    take_rows,
-)
+from modal.exchange.refusals import quote, refuse
+from modal.exchange.rows import Rows
+from modal.exchange.words import Words
 from modal.tools.arrays import Bools, Floats, Ints
 
 Item = Literal["ATOMS", "ENTRIES"]
@@ -154,7 +149,7 @@ def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
     steps: list[int] = []
     header: dict[str, list[list[str]]] = {}
     frame: Frame | None = None
-    lines = read_lines(path)
+    lines = Lines(path)
     for number, line in lines:
         if not line.strip():
             continue
@@ -172,7 +167,7 @@ def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
             remedy = "give the files in the other order"
             refuse(path, "other_item", problem, remedy=remedy, line=number)
         head = _parse_head(path, header, number)
-        texts = take_rows(path, lines, head.count)
+        texts = lines.take_rows(head.count)
         steps.append(head.step)
         if step is None or step == head.step:
             if len(texts) < head.count:

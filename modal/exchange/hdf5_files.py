@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import h5py
 
-from modal.exchange.text import quote, refuse
+from modal.exchange.refusals import quote, refuse
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.provenance import NETWORK_SCHEMA
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.exchange.groups import Groups
-from modal.exchange.text import refuse
+from modal.exchange.refusals import refuse
 from modal.tools.arrays import Bools, Ints
 
 ACCELERATED = re.compile("/(omp|kk|kk/host|kk/device|intel|opt|gpu)$")

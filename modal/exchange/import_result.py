@@ -14,7 +14,7 @@ import numpy as np
 
 from modal.exchange.law import ContactLaws, ProgramLaw
 from modal.exchange.particles_and_contacts import Contacts, Packing, PairLaw
-from modal.exchange.text import refuse
+from modal.exchange.refusals import refuse
 from modal.formats.hdf5 import named
 from modal.packing.checks import MAX_GAP_IN_SUMS_OF_RADII
 from modal.packing.neighbours import ContactList

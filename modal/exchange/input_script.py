@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from modal.exchange.held import ACCELERATED, HOLDING, INTEGRATING, Fix, Run
-from modal.exchange.text import Refusal, Words, read_lines, refuse
+from modal.exchange.lines import Lines
+from modal.exchange.refusals import Refusal, refuse
+from modal.exchange.words import Words
 
 VARIABLE = re.compile(r"\$(?:\{[^}]*\}?|\(.*\)|\w)", re.ASCII)
 """Pattern of a variable in a line of input."""
@@ -413,7 +415,7 @@ def _read_commands(path: str | Path) -> Iterator[tuple[int, list[str]]]:
 
     Raises InputError for a line that may matter and contains a variable without a value.
     """
-    lines = read_lines(path)
+    lines = Lines(path)
     unreplaced: dict[str, _UnreplacedLine] = {}
     printed = None
     for number, line in lines:

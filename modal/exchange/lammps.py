@@ -33,7 +33,9 @@ from modal.exchange.law import (
     Units,
 )
 from modal.exchange.particles_and_contacts import WALLS, Contacts, Packing, PairLaw
-from modal.exchange.text import Rows, Words, refuse
+from modal.exchange.refusals import refuse
+from modal.exchange.rows import Rows
+from modal.exchange.words import Words
 from modal.packing.contact_law import YOUNG_RANGE_PA, Elasticity
 from modal.tools.arrays import Floats, Ints
 

@@ -15,7 +15,7 @@ from modal.exchange.input_script import MATERIAL_PROPERTIES, Script
 from modal.exchange.lammps import WallContacts, check_material
 from modal.exchange.law import DISPLACEMENT, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import Contacts, Packing, PairLaw
-from modal.exchange.text import Words
+from modal.exchange.words import Words
 
 EXAMPLE = (
     '--pair "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 '

@@ -8,7 +8,8 @@ radius, angles, angular velocity, 1/mass, 1/inertia and species. A species is a 
 from collections.abc import Iterator
 from pathlib import Path
 
-from modal.exchange.text import Words, read_lines
+from modal.exchange.lines import Lines
+from modal.exchange.words import Words
 
 BEGINNING = b"restart_version"
 """First bytes of such a file."""
@@ -41,7 +42,7 @@ def new_lines(path: Path) -> Iterator[tuple[int, str]]:
     remaining = 0
     count = 0
     species = -1
-    for number, text in read_lines(path):
+    for number, text in Lines(path):
         words = text.split()
         line = Words(words, f"{path}, line {number}", "write the restart file whole")
         if not words:

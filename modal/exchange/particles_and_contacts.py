@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modal.exchange.digits import last_digit_unit
 from modal.exchange.law import ProgramLaw, Units
-from modal.exchange.text import Rows, last_digit_unit, refuse
+from modal.exchange.refusals import refuse
+from modal.exchange.rows import Rows
 from modal.packing.neighbours import ContactList, between, touching
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Bools, Floats, Ints

@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from modal.exchange.text import refuse
+from modal.exchange.refusals import refuse
 from modal.formats.attributes import read_attributes
 from modal.formats.hdf5 import open_h5
 from modal.formats.whole_file import unwritable, write_whole

@@ -27,7 +27,8 @@ from numpy.typing import ArrayLike
 from modal.exchange import programs
 from modal.exchange.foreign import foreign_file
 from modal.exchange.import_result import ImportResult
-from modal.exchange.text import open_bytes, quote, refuse
+from modal.exchange.lines import open_bytes
+from modal.exchange.refusals import quote, refuse
 from modal.formats.whole_file import refuse_absent
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility

@@ -9,8 +9,9 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from modal.exchange.refusals import refuse
+from modal.exchange.rows import Rows
 from modal.exchange.spheres import Spheres
-from modal.exchange.text import Rows, refuse
 
 NAMES: Mapping[str, Sequence[str]] = {
     "x": (
@@ -57,6 +58,8 @@ NAMES: Mapping[str, Sequence[str]] = {
 CLUMPS = ("clumpid", "clump", "mol", "molecule")
 """Names of columns that number the clumps or molecules that spheres belong to."""
 CENTRE = ("x", "y", "z")
+FURTHER = ("id", "mass", "density", "type")
+"""Columns that a table may lack."""
 LENGTHS = (*CENTRE, "radius", "diameter")
 """Columns that are lengths."""
 UNITS_OF_LENGTH = {
@@ -162,22 +165,21 @@ def read_sphere_table(rows: Rows) -> SphereTable:
     needed = (*CENTRE, size)
     rows.require(needed, "name the columns in the first line: x,y,z,radius", [*columns])
     unit = _unit_of_length(rows, headings)
-    table = rows.read(*(columns[name] for name in needed))
+    further = [name for name in FURTHER if name in columns]
+    numbers = rows.read(*(columns[name] for name in (*needed, *further)))
+    table = numbers[:, : len(needed)]
+    column_of = dict(zip(further, numbers[:, len(needed) :].T, strict=True))
     factor = unit or 1.0
     radius = factor * table[:, 3] * (0.5 if size == "diameter" else 1.0)
-    further = {}
-    for name in ("id", "mass", "density", "type"):
-        if name in columns:
-            further[name] = rows.read(columns[name])[:, 0]
     kind = None
-    if "type" in further:
-        kind = rows.to_integers(further["type"], columns["type"])
+    if "type" in column_of:
+        kind = rows.to_integers(column_of["type"], columns["type"])
     spheres = Spheres(
         position=factor * table[:, :3],
         radius=radius,
-        number=further.get("id"),
-        mass=further.get("mass"),
-        density=further.get("density"),
+        number=column_of.get("id"),
+        mass=column_of.get("mass"),
+        density=column_of.get("density"),
         kind=kind,
         digits=rows.count_digits(*(columns[name] for name in CENTRE)),
     )

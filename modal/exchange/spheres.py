@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from modal.exchange import dump, lammps, liggghts
 from modal.exchange.contact_lines import ContactLines, contacts_of_lines
+from modal.exchange.digits import are_rounded_to_single_precision
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.input_script import Script
 from modal.exchange.law import SI, ProgramLaw, Units
@@ -30,8 +31,9 @@ from modal.exchange.particles_and_contacts import (
     PairLaw,
     SphereColumns,
 )
+from modal.exchange.refusals import refuse
 from modal.exchange.registry import Option
-from modal.exchange.text import Rows, are_rounded_to_single_precision, refuse
+from modal.exchange.rows import Rows
 from modal.formats.hdf5 import named
 from modal.packing.columns import frozen
 from modal.packing.contact_law import GLASS, sphere_volume

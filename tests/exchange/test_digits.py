@@ -13,8 +13,8 @@ from program_files import COLUMN_PAIR, COLUMN_WALL, column
 from refusals import refusal
 
 import modal
+from modal.exchange.digits import count_significant_digits
 from modal.exchange.registry import import_packing
-from modal.exchange.text import count_significant_digits
 
 MASS = 1.3
 

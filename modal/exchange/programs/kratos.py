@@ -12,10 +12,13 @@ from typing import Unpack
 
 import numpy as np
 
+from modal.exchange.digits import count_significant_digits
 from modal.exchange.import_result import ImportResult
+from modal.exchange.lines import Lines
+from modal.exchange.refusals import refuse
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
 from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
-from modal.exchange.text import Words, count_significant_digits, read_lines, refuse
+from modal.exchange.words import Words
 from modal.tools.arrays import Floats
 
 NAME = "Kratos (*.mdpa)"
@@ -77,7 +80,7 @@ def _read_blocks(path: Path) -> dict[str, list[Words]]:
     blocks: dict[str, list[Words]] = {}
     name = ""
     depth = 0
-    for number, text in read_lines(path):
+    for number, text in Lines(path):
         words = text.split("//")[0].split()
         if not words:
             continue

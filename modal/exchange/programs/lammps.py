@@ -24,9 +24,11 @@ from modal.exchange.held import IN_PLANE, HeldMotions, find_held_motions
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.input_script import Script, read_log
 from modal.exchange.law import ProgramLaw, Units
+from modal.exchange.lines import Lines
 from modal.exchange.particles_and_contacts import Packing, PairLaw
+from modal.exchange.refusals import refuse
 from modal.exchange.registry import Option, read_beginning
-from modal.exchange.text import Words, read_lines, refuse
+from modal.exchange.words import Words
 from modal.packing.rigid_bodies import Bodies
 from modal.packing.weight import with_gravity
 from modal.tools.arrays import Bools
@@ -262,9 +264,10 @@ def find_held_motions_of_spheres(script: Script, frame: dump.Frame) -> HeldMotio
     """Return the held motions of the spheres of a dump, read from the log."""
     rows = frame.rows
     columns = {}
-    for name in COLUMNS.values():
-        if rows.has(name):
-            columns[name] = rows.to_integers(rows.read(name)[:, 0], name)
+    names = [name for name in COLUMNS.values() if rows.has(name)]
+    if script.runs and names:
+        for name, column in zip(names, rows.read(*names).T, strict=True):
+            columns[name] = rows.to_integers(column, name)
     excluded: list[str] = []
     for exclusion in script.exclusions:
         if exclusion.style == "group":
@@ -305,7 +308,7 @@ def read_bodies(path: str | Path, units: Units) -> Bodies:
     """Return rigid bodies from a file of the format of `fix rigid ... infile`."""
     remedy = "give the file that write_restart wrote (*.rigid)"
     rows = []
-    for number, line in read_lines(path):
+    for number, line in Lines(path):
         words = line.split("#")[0].split()
         if len(words) > 1:
             row = Words(words, f"{path}, line {number}", remedy)

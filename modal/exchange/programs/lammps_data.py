@@ -12,10 +12,12 @@ import numpy as np
 from modal.exchange.dump import UNITS
 from modal.exchange.import_result import ImportResult
 from modal.exchange.law import SI, Units
+from modal.exchange.lines import Lines
 from modal.exchange.particles_and_contacts import Cell
+from modal.exchange.refusals import refuse
+from modal.exchange.rows import Rows
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
 from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
-from modal.exchange.text import Rows, read_lines, refuse, take_rows
 from modal.tools.arrays import Bools
 
 NAME = "a data file of LAMMPS"
@@ -40,7 +42,7 @@ def read(
 ) -> ImportResult:
     """Return the packing of a data file; `options` are described at `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
-    lines = read_lines(path)
+    lines = Lines(path)
     first_line = next(lines)[1]
     remarks: list[str] = []
     units = Units.from_scales(scales)
@@ -69,7 +71,7 @@ def read(
         problem = f"atoms of style {style} have no radius"
         refuse(path, "no_spheres", problem, remedy=GIVE_DATA, line=title_line)
     next(lines, None)  # an empty line
-    texts = take_rows(path, lines, count)
+    texts = lines.take_rows(count)
     width = len(texts[0].split()) if texts else 0
     if width not in (COLUMNS_WITHOUT_FLAGS, len(COLUMNS)) or np.isnan(bounds).any():
         problem = f"rows of {width} numbers, which are no spheres in a box"

@@ -6,7 +6,7 @@ them; the list of interactions, if there is one, shows whether a sphere does. Fi
 are translated first (`modal.exchange.old_mercury`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -14,8 +14,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from modal.exchange import old_mercury
+from modal.exchange.digits import count_significant_digits
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.law import DISPLACEMENT, SI, ProgramLaw, Units
+from modal.exchange.lines import Lines
 from modal.exchange.particles_and_contacts import (
     WALLS,
     Cell,
@@ -25,8 +27,10 @@ from modal.exchange.particles_and_contacts import (
     find_ends,
 )
 from modal.exchange.programs import lammps
+from modal.exchange.refusals import refuse
 from modal.exchange.registry import read_beginning
-from modal.exchange.text import Rows, Words, count_significant_digits, read_lines, refuse
+from modal.exchange.rows import Rows
+from modal.exchange.words import Words
 from modal.packing.contact_law import sphere_volume
 from modal.packing.weight import with_gravity
 from modal.tools.arrays import Bools, Floats, Ints
@@ -201,7 +205,7 @@ def read_restart(path: Path, units: Units) -> Restart:
     section = ""
     announced: dict[str, float] = {}
     file = Restart(path, units, {name: [] for name in ("", *SECTIONS)}, {})
-    lines = read_lines(path)
+    lines: Iterator[tuple[int, str]] = Lines(path)
     if old_mercury.is_old(read_beginning(path)):
         lines = old_mercury.new_lines(path)
     for number, text in lines:

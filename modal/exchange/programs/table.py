@@ -8,9 +8,7 @@ is -1 for the wall at low z, and -2 for the wall at high z. An unknown column is
 may change the answer.
 """
 
-import itertools
 import re
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +19,7 @@ import numpy as np
 from modal.exchange import spheres
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.law import SI, Units
+from modal.exchange.lines import Lines
 from modal.exchange.particles_and_contacts import (
     WALLS,
     Cell,
@@ -30,6 +29,9 @@ from modal.exchange.particles_and_contacts import (
     find_ends,
 )
 from modal.exchange.programs import lammps
+from modal.exchange.refusals import quote, refuse
+from modal.exchange.row_texts import RowTexts
+from modal.exchange.rows import Rows
 from modal.exchange.sphere_table import (
     SphereTable,
     has_spheres,
@@ -37,7 +39,7 @@ from modal.exchange.sphere_table import (
     separator_of,
 )
 from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
-from modal.exchange.text import Rows, Words, quote, read_lines, refuse, take_rows
+from modal.exchange.words import Words
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
 from modal.tools.arrays import Ints
@@ -193,9 +195,14 @@ def _read_table(
 def _refuse_long_rows(rows: Rows) -> None:
     """Raise InputError, with the line, for a row with more columns than the header names."""
     count = len(rows.columns)
-    too_wide = [len(text.rstrip(", \n").split(rows.separator)) > count for text in rows.texts]
+    too_wide = np.ones(len(rows.texts), bool)
+    if rows.separator is not None and isinstance(rows.texts, RowTexts):
+        too_wide = rows.texts.with_separators(rows.separator, count)
+    for row in np.flatnonzero(too_wide).tolist():
+        words = rows.texts[row].rstrip(", \n").split(rows.separator)
+        too_wide[row] = len(words) > count
     rows.refuse(
-        np.array(too_wide),
+        too_wide,
         "long_row",
         f"more than the {count} columns that the header names",
         remedy="write numbers with a point, commas between them alone",
@@ -210,7 +217,7 @@ def _read_rows(path: str | Path, needed: tuple[str, ...]) -> tuple[Rows, KeyLine
     """
     key_lines: KeyLines = {}
     header = ""
-    lines = read_lines(path)
+    lines = Lines(path)
     for number, text in lines:
         if text.startswith("#"):
             _read_key_line(path, number, text.rstrip(", \n"), key_lines)
@@ -223,13 +230,11 @@ def _read_rows(path: str | Path, needed: tuple[str, ...]) -> tuple[Rows, KeyLine
         refuse(path, "no_column", "no line with the names of columns", remedy=remedy)
     first_line = number + 1
     if header:
-        lines = itertools.chain([(number, text)], lines)
+        lines.step_back()
         first_line = number
     else:
         header = text
-    texts = take_rows(path, lines, sys.maxsize)
-    while texts and not texts[-1].strip():
-        texts.pop()
+    texts = lines.take_rows().without_blank_end()
     separator = separator_of(header)
     columns = tuple(name.strip() for name in header.split(separator))
     rows = Rows(Path(path), columns, texts, first_line, separator)

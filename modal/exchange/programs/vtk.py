@@ -13,12 +13,13 @@ from typing import Any, Unpack
 import numpy as np
 
 from modal.exchange.contact_lines import ContactLines, known_fields
+from modal.exchange.digits import are_rounded_to_single_precision, count_written_digits
 from modal.exchange.import_result import ImportResult
+from modal.exchange.refusals import refuse
 from modal.exchange.registry import Option
 from modal.exchange.sphere_table import read_heading
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
 from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
-from modal.exchange.text import are_rounded_to_single_precision, count_written_digits, refuse
 from modal.formats.tables import load_optional
 from modal.tools.arrays import Array, Floats
 

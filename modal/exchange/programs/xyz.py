@@ -13,11 +13,13 @@ from typing import Unpack
 import numpy as np
 
 from modal.exchange.import_result import ImportResult
+from modal.exchange.lines import Lines
 from modal.exchange.particles_and_contacts import Cell
+from modal.exchange.refusals import refuse
+from modal.exchange.rows import Rows
 from modal.exchange.sphere_table import NAMES, read_heading
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
 from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
-from modal.exchange.text import Rows, read_lines, refuse, take_rows
 
 NAME = "extended XYZ"
 OPTIONS = SPHERE_OPTIONS
@@ -37,12 +39,12 @@ def read(
 ) -> ImportResult:
     """Return the packing of a file with one frame; `options` are described at `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
-    lines = read_lines(path)
+    lines = Lines(path)
     count = int(next(lines)[1])
     number, comment = next(lines)
     keys = _read_keys(comment)
     columns = _read_columns(keys["Properties"])
-    rows = Rows(path, tuple(columns), take_rows(path, lines, count), number + 1)
+    rows = Rows(path, tuple(columns), lines.take_rows(count), number + 1)
     if len(rows.texts) < count:
         problem = f"{len(rows.texts)} rows of {count}"
         remedy = "let the program finish writing it"
