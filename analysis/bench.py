@@ -92,7 +92,7 @@ class TransducerTest:
         Velocities of the longest waves along z by the moduli, m/s; NaN if the packing has none. For
         free sides `v_p` is that of a bar.
     distance : float
-        From tip to tip, m.
+        Tip-to-tip distance of the discs, m.
     pairs : tuple of RecordPair
         The two traces at each frequency.
     """

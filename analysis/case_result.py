@@ -48,7 +48,7 @@ class CaseResult:
     packings : int
         Number of these packings, this one included.
     flat : dict of str to bool
-        Whether the frequency of a threshold stands on a plateau, by threshold.
+        Whether the frequency of a threshold is on a plateau, by threshold.
     curves : dict of str to tuple of ndarray (n,)
         Arrays by name, in SI units; of a quantity over frequency: frequencies, values, errors.
     texts : dict of str to str

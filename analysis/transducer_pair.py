@@ -125,7 +125,7 @@ class TransducerPair:
 
     @cached_property
     def _detour_by_ends(self) -> float:
-        """How much longer the shortest way by an end, or round a period, is than the direct one, m.
+        """Extra length of the shortest path by an end, or round a period, over the direct one, m.
 
         The ways by the ends are those behind the receiver, and behind the source unless it is a
         plane, which no wave passes. Between discs at both ends a wave comes back after two more

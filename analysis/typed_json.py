@@ -105,7 +105,7 @@ def by_name(value: Any, kind: Any, place: str) -> dict[str, Any]:
 def fields_of(value: Any, kinds: dict[str, Any], needed: set[str], place: str) -> dict[str, Any]:
     """Return the fields of a JSON object by their kinds.
 
-    Raises `MismatchError` if a `needed` field is missing, and for a field of no kind.
+    Raises `MismatchError` if a `needed` field is missing, and for an unknown field.
     """
     if not isinstance(value, dict):
         raise MismatchError(f"{place or 'it'} is no set of names and values")

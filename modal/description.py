@@ -33,7 +33,7 @@ def describe(network: Network) -> str:
     Raises
     ------
     InputError
-        If `network` is no packing.
+        If `network` is not a packing.
 
     Examples
     --------

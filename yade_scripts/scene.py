@@ -172,7 +172,7 @@ def set_engines(*, margin=0.01, damping=0.0):
 
 
 def call_before_motion(action=None):
-    """Have YADE call `action` between computing forces and moving spheres; None for no call.
+    """Let YADE call `action` between computing forces and moving spheres; None calls nothing.
 
     The action replaces an earlier one.
 

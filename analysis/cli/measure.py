@@ -109,7 +109,7 @@ def _text(measured: MeasuredFiles) -> str:
 
 
 def _table(measurements: Mapping[str, Measurement]) -> str:
-    """Return all packings side by side, one line a quantity, as Markdown."""
+    """Return all packings side by side, one line for each quantity, as Markdown."""
     stems = [Path(path).name.split(".h5")[0] for path in measurements]
     rows = []
     for name in next(iter(measurements.values())):

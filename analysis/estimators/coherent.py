@@ -52,7 +52,7 @@ class Coherent:
     frequency : ndarray (nf,)
         Hz.
     wavenumber, attenuation : ndarray (nf,)
-        1/m.
+        Wave number and decay of the amplitude, 1/m.
     resolution : float
         Resolution, Hz: values at frequencies that are closer to each other are not independent.
     ended_by : str

@@ -172,7 +172,7 @@ class SpectralRatio:
     Attributes
     ----------
     frequency : ndarray (nf,)
-        Hz.
+        Frequencies, Hz.
     attenuation : ndarray (nf,)
         Logarithm of the ratio of amplitudes, nepers; it includes the spreading of the wave.
     quality : QualityFactor

@@ -55,9 +55,9 @@ class Ridge:
     Attributes
     ----------
     wavenumber : ndarray (n,)
-        1/m, ascending.
+        Wave numbers, 1/m, ascending.
     frequency : ndarray (n,)
-        Hz, positive where the wave turns forward.
+        Frequencies, Hz, positive for forward rotation.
     edge_wavenumber, edge_frequency : float
         Wave number, 1/m, and frequency, Hz, of the band edge; NaN if the record does not show it.
     """

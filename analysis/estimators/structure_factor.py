@@ -61,7 +61,7 @@ class Scattering:
     Attributes
     ----------
     frequency : ndarray (n,)
-        Hz, rising.
+        Frequencies, Hz, rising.
     width : ndarray (n,)
         Full width at half height, Hz.
     velocity : float

@@ -37,7 +37,7 @@ def chain_wavenumber(
     Parameters
     ----------
     record : Signals
-        Its chain is used within `STRETCH`.
+        A record, whose chain is used within `STRETCH`.
     frequency : float
         Hz.
     length : float
@@ -90,14 +90,15 @@ def frequency_wavenumber(
     time : ndarray (nt,)
         s.
     position : ndarray (nl,)
-        m, ascending. UnavailableError if a spacing differs from the mean by more than half of it.
+        Positions, m, ascending. UnavailableError if a spacing differs from the mean by more than
+        half of it.
 
     Returns
     -------
     frequency : ndarray (nf,)
         Hz.
     wavenumber : ndarray (nk,)
-        rad/m, ascending; positive for waves towards higher z.
+        Wave numbers, rad/m, ascending; positive for waves towards higher z.
     spectrum : complex ndarray (nf, nk)
     """
     spacing = np.diff(position)

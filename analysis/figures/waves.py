@@ -152,7 +152,7 @@ def signals(m: PackingData) -> Picture:
 
 
 def signals_stress(m: PackingData) -> Picture:
-    """Draw Fig. 4: displacement at 50 D from the source wall, 100 kHz; one panel a friction.
+    """Draw Fig. 4: displacement at 50 D from the wall, 100 kHz; a panel for each friction.
 
     Time is divided by the travel time of long waves, so that the first arrivals of all stresses
     coincide.

@@ -1,6 +1,6 @@
 """Arrange the figures of a study from panels of its cases, as the study describes.
 
-Panels of single cases were drawn when the case was measured. They lie beside its result as CSV
+Panels of single cases were drawn when the case was measured. They are next to its result as CSV
 files, from which a figure is drawn again.
 """
 

@@ -1,4 +1,4 @@
-"""Judge numbers by their bounds: whether a target is met, why not, and the text that says so."""
+"""Judge numbers by their bounds: whether a target is met, why not, and a text about it."""
 
 from dataclasses import dataclass
 from typing import Literal

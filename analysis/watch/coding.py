@@ -23,7 +23,7 @@ def code_numbers(values: np.ndarray, kind: str) -> str:
 
 
 def code_displacements(values: np.ndarray, largest: float) -> str:
-    """Return displacements in base64, off by at most half a step of `largest`."""
+    """Return displacements, m, in base64, in integer steps of `largest` / 32,767."""
     return code_numbers(np.round(values / largest * STEPS), "<i2")
 
 

@@ -1,1 +1,1 @@
-"""The command line: one module a command, its options and what it prints and writes."""
+"""The command line: one module for each command, with its options and its output."""

@@ -1,4 +1,4 @@
-"""Exact number of modes below each frequency, by inertia counts."""
+"""Count exactly the modes below each frequency, by inertia counts."""
 
 from modal.cli.options import REQUIRED, Group, Option, Options, Result, chosen
 from modal.cli.reading import packing_of, remark_on_ends, springs

@@ -1,4 +1,4 @@
-"""What is in a packing: stresses, void ratio, coordination number, rattlers, zero modes."""
+"""Summarise a packing: stresses, void ratio, coordination number, rattlers, zero modes."""
 
 from typing import Any
 

@@ -100,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command, and return the exit status.
 
     The status is 2 for a user's mistake (one line on standard error), and 3 for a product that
-    falls short of what was asked.
+    falls short of the request.
     """
     start = time.perf_counter()
     Minute.begin()

@@ -1,4 +1,4 @@
-"""Options and functions that several commands share: a packing's file, its springs, frequencies."""
+"""Define options and functions that several commands share: packing, springs, frequencies."""
 
 from modal.cli.options import SKIP, Option, Options, output
 from modal.exchange.registry import read_remarked

@@ -1,6 +1,6 @@
-"""How a command's result looks on a terminal: groups of names and quantities, in columns.
+"""Print a command's result on a terminal: groups of names and quantities, in columns.
 
-The module contains nothing about single commands: the end of a result's name tells its unit, as in
+The module does not depend on the command: the end of a result's name gives its unit, as in
 `stress_pa`. A command with a long result sorts it into titled groups.
 """
 
@@ -108,7 +108,7 @@ def page(result: dict[str, Any], groups: dict[str, dict[str, Any]] | None = None
 def _group_lines(members: dict[str, Any]) -> list[str]:
     """Return lines of names and values.
 
-    Several long lists of numbers of the same length stand side by side below them.
+    Several long lists of numbers of the same length follow, side by side.
     """
     columns = _side_by_side_columns(members)
     rows: list[tuple[str, str]] = []

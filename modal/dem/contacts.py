@@ -95,7 +95,7 @@ class MovingContacts:
     position : ndarray (n, 3)
         Centres, m; spheres that leave the cell are not brought back.
     side, walls : ndarray (2,)
-        m: the lateral periods, and z of source and receiver wall.
+        Lateral periods, and z of source and receiver wall, m.
     periodic_z : bool
         Whether there is a period along z in place of the walls.
     lean : ndarray (2,)

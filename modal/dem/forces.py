@@ -206,7 +206,7 @@ class _Motion(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """What a loop adds to: the load and stiffness of each sphere, and the totals of a slab."""
+    """The arrays to which a loop adds: load and stiffness of each sphere, and totals of a slab."""
 
     load: Floats
     stiffness: Floats

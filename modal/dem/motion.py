@@ -177,11 +177,11 @@ class Dynamics:
     contacts : MovingContacts
         Positions, forces, contacts.
     velocity : ndarray (n, 6)
-        m/s and rad/s.
+        Velocities of the spheres, m/s and rad/s.
     rates : ndarray (3,)
         Strain rates of the cell, 1/s.
     masses : ndarray (n, 2)
-        kg and kg m^2.
+        Masses, kg, and moments of inertia, kg m^2.
     steps : int
         Steps of `advance` so far.
     carried : ndarray (k,) of int

@@ -42,8 +42,8 @@ def contacts_in_reach(
     radius : ndarray (n,)
         m.
     skin : float
-        m. Pairs are in reach up to the sum of their radii and twice the skin, spheres and walls up
-        to the largest radius and the skin.
+        Skin, m: pairs are in reach up to the sum of their radii and twice the skin, spheres and
+        walls up to the largest radius and the skin.
     periodic_z : bool, default False
         Whether z is periodic as well, without walls.
     """

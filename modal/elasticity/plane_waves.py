@@ -37,18 +37,18 @@ def plane_waves(stiffness: Floats, density: float, direction: ArrayLike) -> tupl
     Parameters
     ----------
     stiffness : ndarray (6, 6) or (3, 3, 3, 3)
-        Pa; in Voigt's order, or that of a cell which carries forces.
+        Stiffness, Pa: in Voigt's order, or that of a cell that carries forces.
     density : float
-        kg/m^3.
+        Density, kg/m^3.
     direction : array_like (3,)
 
     Returns
     -------
     velocity : ndarray (3,)
-        m/s, the fastest first. A negative eigenvalue, which is unstable or round-off, gives a
-        negative velocity.
+        Velocities, m/s, the fastest first. A negative eigenvalue, which is unstable or round-off,
+        gives a negative velocity.
     motion : ndarray (3, 3)
-        Unit vectors in rows.
+        Unit vectors of the motion in rows.
     """
     n = unit_vector(direction)
     symmetric = stiffness.ndim == 2

@@ -76,7 +76,7 @@ def has_walls(system: LinearSystem) -> bool:
 
 
 def stressed_stiffness(system: LinearSystem, non_affine: Floats) -> Floats:
-    """Return A, shape (3, 3, 3, 3), Pa, of a cell that is periodic in all directions.
+    """Return the stiffness A (3, 3, 3, 3), Pa, of a cell that is periodic in all directions.
 
     A is not always symmetric. `non_affine` (6, n, 6) is the motion of each sphere, on the springs
     alone, beyond each of the six unit strains.

@@ -384,7 +384,7 @@ def read_packing(
     frame : Frame
         The dump.
     units : Units
-        Its units.
+        Units of the dump.
     walls : mapping
         z of the walls, m, by their codes.
     needs_type : bool

@@ -1,9 +1,9 @@
-"""Read what is particular to LAMMPS: its laws of contact, and its columns of contacts and walls.
+"""Read features of LAMMPS alone: its laws of contact, and its columns of contacts and walls.
 
 The known laws are `granular` with hooke, hertz, hertz/material, dmt and jkr, tangential
 linear_history, mindlin and their variants, rolling sds, twisting sds and marshall; gran/hooke,
-gran/hooke/history and gran/hertz/history; `fix wall/gran` in the same words. Other cohesion is
-refused by name.
+gran/hooke/history and gran/hertz/history; `fix wall/gran` with the same styles. Other models of
+cohesion are refused.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
 for pairs of rising types alone, and the last line that covers a pair holds. A pair that no line
@@ -394,7 +394,7 @@ def find_wall_contacts(
 
 
 def _wall_columns(name: str) -> list[str]:
-    """Return the columns of a fix wall/gran: whether it touches, and three forces."""
+    """Return the columns of a fix wall/gran: whether the sphere touches, and the three forces."""
     return [f"f_{name}[{k}]" for k in (1, 2, 3, 4)]
 
 

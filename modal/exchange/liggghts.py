@@ -1,4 +1,4 @@
-"""Read what is particular to LIGGGHTS: its law, its walls, and the columns of its contacts.
+"""Read features of LIGGGHTS alone: its law, its walls, and the columns of its contacts.
 
 The law is `model hertz` with `tangential history`: N = 4/3 E* sqrt(R* overlap) overlap and a
 tangential stiffness of 8 G* sqrt(R* overlap), with the memory of the shear displacement. `model

@@ -112,7 +112,7 @@ def edges_of_cell(sides: Floats, tilt: Floats) -> Floats:
 
 
 class SphereColumns(NamedTuple):
-    """Columns of n spheres as they stand in a file, in its order and units.
+    """Columns of n spheres in the order and units of a file.
 
     number: numbers (n,) of the program. position: (n, 3). radius, mass: (n,). kind: types (n,) that
     choose the law, or None if all spheres are of type 0. body: numbers (n,) of rigid bodies, or

@@ -5,9 +5,9 @@ are point data; to draw spheres use a Glyph filter with the scale array `radius`
 Contacts are NAME.contacts.vtu. Frames are NAME_0000.vtu and so on, and NAME.pvd, which lists them
 with their times.
 
-In extended XYZ, which OVITO reads, a line of names stands before the rows of each frame. `Lattice`
-and `Origin` are the cell as OVITO's manual has them, `pbc` its periods. meshio cannot write this
-format, and common writers of it round positions to 8 decimals; here positions have 17 digits.
+In extended XYZ, which OVITO reads, a line of names precedes the rows of each frame. `Lattice` and
+`Origin` are the cell as in OVITO's manual, `pbc` its periods. meshio cannot write this format, and
+common writers of it round positions to 8 decimals; here positions have 17 digits.
 """
 
 import io

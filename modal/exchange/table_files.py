@@ -42,7 +42,7 @@ MAX_INERTIA_ERROR = 1e-9
 def write_tables(path: Path, network: Network) -> list[str]:
     """Write contacts and spheres as two tables (CSV); return the names of the files.
 
-    Raises UnavailableError for a cell whose periods are at angles.
+    Raises UnavailableError for a sheared cell.
     """
     network.refuse_angles("table")
     columns: dict[str, Array] = {

@@ -44,7 +44,7 @@ FORMAT_ATTRIBUTES = ("schema", "schema_version", "creator", PACKING_DIGEST)
 
 
 class NumberType(NamedTuple):
-    """How a kind of number is read and written.
+    """The types in which a kind of number is read and written.
 
     accepted: kinds of NumPy arrays that are read. description: words for messages. in_memory,
     in_file: NumPy types of the numbers in memory and in a file.

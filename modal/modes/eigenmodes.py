@@ -67,11 +67,11 @@ def eigenmodes(
     """Find natural frequencies and mode shapes of a packing, and tell whether any is missing.
 
     They solve K phi = omega^2 M phi (Otsubo et al. 2017, Eq. 1), with three displacements and three
-    rotations a sphere. The result has the numbers of motions without energy (`floppy_modes`) and of
-    motions that release energy (`unstable_modes`); both are left out of the lowest modes and of
-    intervals. With the shear forces (`pre_stress` "full" or "law") K is not symmetric: omega^2 may
-    be complex, the frequency is that of the real part of omega, and with more than 3,000 degrees of
-    freedom the lowest and the highest modes come without a certificate.
+    rotations for each sphere. The result has the numbers of motions without energy (`floppy_modes`)
+    and of motions that release energy (`unstable_modes`); both are left out of the lowest modes and
+    of intervals. With the shear forces (`pre_stress` "full" or "law") K is not symmetric: omega^2
+    may be complex, the frequency is that of the real part of omega, and with more than 3,000
+    degrees of freedom the lowest and the highest modes come without a certificate.
 
     Parameters
     ----------
@@ -81,25 +81,25 @@ def eigenmodes(
         Number of modes to compute from the lower or upper end. Give at most one of lowest, highest,
         below, between and all; the default is lowest=10.
     below : float, optional
-        All modes below a frequency, Hz.
+        Upper limit, Hz: find all modes below it.
     between : tuple of 2 float, optional
-        All modes in an interval, Hz.
+        Interval, Hz: find all modes in it.
     all : bool, default False
-        All modes, 6n of free spheres.
+        Whether to find all modes, 6n for free spheres.
     translations_only : bool, default False
-        Hold the rotations at zero.
+        Whether to hold the rotations at zero.
     sliding : str, default "elastic"
-        "slip": contacts at the friction limit have their normal springs alone.
+        With "slip", contacts at the friction limit have only their normal springs.
     pre_stress : str, default "none"
         Terms that the contact forces add: "normal", "full" or "law" (`modal.system.contacts`).
     solver : str, optional
         A factorisation: pardiso, blocks or superlu; or, for the lowest modes, multigrid.
     shapes : bool, default True
-        Keep the mode shapes, if they take no more than 2 GB.
+        Whether to keep the mode shapes, if they take no more than 2 GB.
     certify : bool, default True
-        Count the modes exactly; False is possible with `lowest` and `highest`. If a count does not
-        fit into the memory, the lowest modes are returned without it, with an estimate of their
-        number.
+        Whether to count the modes exactly; False is possible with `lowest` and `highest`. If a
+        count does not fit into the memory, the lowest modes are returned without it, with an
+        estimate of their number.
     hours : float, default 24
         Longest estimated time of the search, hours; a longer search is refused.
 

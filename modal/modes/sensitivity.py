@@ -34,9 +34,8 @@ def frequency_sensitivity(network: Network, modes: ModeSet) -> Floats:
     InputError
         If the mode shapes were not kept, or belong to another packing.
 
-    Examples
-    --------
-    All stiffnesses together move a frequency by half of its own: f is proportional to sqrt(k).
+    Examples -------- If all stiffnesses change by the same small share, each frequency changes by
+    half of it: f is proportional to sqrt(k).
 
     >>> import modal
     >>> crystal = modal.fcc(cells=(1, 1, 8))

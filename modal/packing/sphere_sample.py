@@ -1,8 +1,8 @@
 """Spheres as a sample: positions and history, from which contacts, springs and network follow.
 
 Overlaps, normals and stiffnesses follow from the positions and the contact model; only what depends
-on history is a field of its own: shear forces, as two components in a frame that follows from the
-normal, and moments.
+on history is stored in separate fields: shear forces, as two components in a frame that follows
+from the normal, and moments.
 """
 
 from dataclasses import dataclass, field, replace

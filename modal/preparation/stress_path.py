@@ -19,16 +19,16 @@ RATIO_RANGE: Final = (0.05, 20.0)
 
 @dataclass(frozen=True)
 class StressPath:
-    """Stresses that a packing is brought to, one after the other.
+    """Stresses to which a packing is brought, one after the other.
 
     Attributes
     ----------
     stresses : tuple of float, optional
-        Pa; if empty, those of the study, multiplied by the hardness of the spheres.
+        Stresses, Pa; if empty, those of the study, multiplied by the hardness of the spheres.
     peak : float, optional
-        Peak pressure of packings without friction, Pa; the usual one by default.
+        Peak pressure of packings without friction, Pa; by default that of the study.
     stress_ratio : float, optional
-        Lateral stress divided by the axial one, to which each isotropic state is loaded further.
+        Ratio of lateral to axial stress to which each isotropic state is loaded further.
     oedometric : bool, default False
         Whether the spheres are compressed along z alone, from a tenth of the first stress to each
         axial stress.

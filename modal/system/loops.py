@@ -43,7 +43,7 @@ class Factors(NamedTuple):
 
 
 class Division(NamedTuple):
-    """How a product is divided: True for one column, else None, and the threads of the slabs."""
+    """The division of a product: True for one column, else None, and the threads of the slabs."""
 
     single: bool | None
     threads: int

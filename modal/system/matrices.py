@@ -1,7 +1,7 @@
 """The stiffness and the mass matrix of a packing, for other programs.
 
 The motion of body i is six rows, 6 i to 6 i + 5: displacements along x, y, z, m, and turns about x,
-y, z, rad. With translations only there are three rows a body.
+y, z, rad. With translations only each body has three rows.
 """
 
 import numpy as np
@@ -42,8 +42,8 @@ def stiffness_matrix(
     -------
     scipy.sparse.csr_matrix (6 n, 6 n)
         K in N/m, N/rad, N m/m and N m/rad. Body i has the rows 6 i to 6 i + 5: displacements along
-        x, y, z and turns about them. With translations only there are three rows a body. Rows of
-        held motions are left out, and the other rows close up.
+        x, y, z and turns about them. With translations only each body has three rows. Rows of held
+        motions are left out, and the other rows close up.
 
     Examples
     --------

@@ -27,7 +27,7 @@ below it lies the round-off of a held turn."""
 
 @dataclass(frozen=True)
 class RootMass:
-    """M^1/2 for motions (dof n,) with 6 or 3 entries a body; kg^1/2 and kg^1/2 m.
+    """M^1/2 for motions (dof n,) with 6 or 3 entries for each body; kg^1/2 and kg^1/2 m.
 
     Attributes
     ----------

@@ -84,7 +84,7 @@ class SquareWave:
     amplitude : float
         Amplitude A, m, or N for a force; negative for a wave that begins in the opposite sense.
     frequency : float
-        Hz.
+        Frequency, Hz.
     cycles : int, default 1
         Number of periods.
 

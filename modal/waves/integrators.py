@@ -274,7 +274,7 @@ class _TaylorStep:
         )
 
     def _size(self, state: Floats) -> float:
-        """Return the size of a state in units of velocity."""
+        """Return the norm of a state, with displacements scaled to the unit of velocities."""
         return float(self.top * np.linalg.norm(state[0]) + np.linalg.norm(state[1]))
 
 

@@ -37,7 +37,7 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(
     path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
 ) -> ImportResult:
-    """Return the packing of a file; `options` are described at `SphereOptions`.
+    """Return the packing of a file; `sphere_options` are described at `SphereOptions`.
 
     Raises InputError if elements are not spheres, or lack a centre or a radius.
     """

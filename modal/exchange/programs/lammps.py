@@ -76,7 +76,7 @@ def read(
     scales: Sequence[float] | None = None,
     bodies: str | Path | None = None,
 ) -> ImportResult:
-    """Return the packing of a dump; arguments are the `OPTIONS`.
+    """Return the packing of a dump; the arguments are described in `OPTIONS` of this module.
 
     The dump counts as one of LIGGGHTS if the log or the typed law is of LIGGGHTS. Raises InputError
     for missing or damaged input, and for features that a network cannot represent.
@@ -280,8 +280,8 @@ def find_held_motions_of_spheres(script: Script, frame: dump.Frame) -> HeldMotio
 def find_body_column(script: Script, *, has_masses: bool) -> str:
     """Return the column of the dump that numbers the rigid bodies; empty if there are none.
 
-    `has_masses` says that the masses of the bodies are in a file of their own. Raises InputError if
-    the dump does not show which spheres belong to a body.
+    `has_masses` says that another file has the masses of the bodies. Raises InputError if the dump
+    does not show which spheres belong to a body.
     """
     if len(script.bodies) > 1:
         remedy = "give all bodies one fix and one column"

@@ -40,7 +40,7 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(
     path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
 ) -> ImportResult:
-    """Return the packing of a data file; `options` are described at `SphereOptions`."""
+    """Return the packing of a data file; `sphere_options` are described at `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
     lines = Lines(path)
     first_line = next(lines)[1]

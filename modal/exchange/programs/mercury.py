@@ -94,7 +94,7 @@ class Restart:
     path : Path
         The file.
     units : Units
-        Its units.
+        Units of the file.
     sections : dict
         Lines of each section; those before the first section are in "".
     starts : dict

@@ -51,7 +51,7 @@ def read(
     contacts: str | Path | None = None,
     **sphere_options: Unpack[SphereKeywords],
 ) -> ImportResult:
-    """Return the packing of a file; `options` are described at `SphereOptions`.
+    """Return the packing of a file; `sphere_options` are described at `SphereOptions`.
 
     `contacts` is a file with lines between the centres.
     """

@@ -37,7 +37,7 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(
     path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
 ) -> ImportResult:
-    """Return the packing of a file with one frame; `options` are described at `SphereOptions`."""
+    """Return the packing of a file with one frame; `SphereOptions` describes `sphere_options`."""
     options = SphereOptions(scales=scales, **sphere_options)
     lines = Lines(path)
     count = int(next(lines)[1])
