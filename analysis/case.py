@@ -303,7 +303,7 @@ def _kind_of_signals(attributes: dict[str, str], has_both_walls: bool) -> str:
 
 
 def owner_of(path: Path, cases: list[Case]) -> Case:
-    """Return the case from whose packing a product was made; of unknown origin, the only case.
+    """Return the case from whose packing a product was made; if unknown, the only case.
 
     Raises InputError if it was made from none of the packings.
     """

@@ -134,7 +134,7 @@ def resume_cell():
 
 
 def _refuse_other_scenes(sample):
-    """Raise InputError for a sample whose walls, contacts or bodies these scenes do not have."""
+    """Raise InputError for a sample whose walls, contacts or bodies YADE's scenes do not have."""
     model = sample.material.contact_model
     if model != HERTZ_MINDLIN or sample.resists_turning:
         kind = "moments of contacts" if model == HERTZ_MINDLIN else f"contacts of {model}"

@@ -259,7 +259,7 @@ def _top_frequency(m: PackingData, highest: float, band_edges: list[Value]) -> f
 
 
 def _draw_edge(panel: Panel, edge: Value, percent: str, stretch: Floats, ls: str) -> None:
-    """Draw a low-pass frequency, Hz, over the `stretch` (2,), m, or its entry in the legend."""
+    """Draw a low-pass frequency, Hz, over its `stretch` (2,), m, or only its legend entry."""
     if not np.isfinite(edge.value):
         panel.line([np.nan], [np.nan], f"{percent}: no answer", color=BLUE, ls=ls)
         return

@@ -144,12 +144,12 @@ def motion_of_contacts(network: Network, u: Floats) -> Floats:
 
 
 def contact_tangent(network: Network, terms: tuple[str, ...] = ()) -> Floats:
-    """Return the tangent (m, 9, 9) of the springs and the `terms` above; N/m, N, N m.
+    """Return the tangent (m, 9, 9) of the springs and of the `terms`; N/m, N, N m.
 
-    Each row is a change per unit of motion (w, theta_i, theta_j): first of the force on i, then of
-    minus the torque on i and of minus the torque on j. At a wall theta_j is the rotation of the
-    wall; the displacement that it causes at the contact is part of w. Raises InputError if the
-    network lacks a column that the terms need.
+    The module lists the terms. Each row is a change per unit of motion (w, theta_i, theta_j): first
+    of the force on i, then of minus the torque on i and of minus the torque on j. At a wall theta_j
+    is the rotation of the wall; the displacement that it causes at the contact is part of w. Raises
+    InputError if the network lacks a column that the terms need.
     """
     columns = carried(network, terms)
     normal = network.normal
