@@ -1,21 +1,20 @@
-"""Provide the rules with starting states, files and commands of a study's cases.
+"""Find what the rules need to know of a study: files, commands and resources of its cases.
 
 The Snakefile and run.py read this module. The cases and their settings are defined in the study's
 YAML (`analysis.study.description`).
 """
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import h5py
 import pandas as pd
-from commands import COLUMNS, FULL, FURTHER, OF_NETWORK, RULES, Commands, quoted
+from case_names import choose_cases, pattern_of_cases, refuse_other_path, refuse_reserved_name
+from commands import FULL, FURTHER, OF_NETWORK, RULES, quoted
+from starting_states import StartingStates
 
-from analysis.expressions import short
-from analysis.study.description import Study, part_of_name
+from analysis.study.description import Study
 from modal.tools.errors import InputError, refuse_unknown
 
 SPHERES_PER_LAYER = 16
@@ -33,27 +32,11 @@ program would take half of each of their jobs."""
 STUDY_FREQUENCY = 1e5
 """Frequency of the pulse, Hz, that crystals of other frequencies have as well, for one figure."""
 STAGES = RULES["stages"]
-PLAIN_PATH = re.compile(r"[\w./+][\w./+-]*", re.ASCII)
-"""Pattern of the paths that rules, commands and Snakemake's patterns can contain as they are."""
-WORDS_BEHIND_NAMES = {
-    *(kind.split(".")[0] for kinds in STAGES.values() for kind in kinds),
-    *(kind.split(".")[0] for rule in OF_NETWORK.values() for kind in rule["makes"]),
-    *(*FURTHER, "network", "agreement", "json", "log", "tsv"),
-}
-"""Words that follow the name of a case in the names of its files."""
-RESERVED_END = rf"\.({'|'.join(map(re.escape, sorted(WORDS_BEHIND_NAMES)))})|\dPa"
-"""Pattern of ends of names that belong to files of cases, or to states."""
-ANY = "[^/]+"
-"""Pattern of the name of any case: no name with a reserved end."""
-ANY += "".join(rf"(?<!\.{re.escape(word)})" for word in sorted(WORDS_BEHIND_NAMES))
-ANY += r"(?<!\dPa)"
-NOTHING = "(?!)"
-"""Pattern that matches nothing."""
 ON_REQUEST = ("linear.signals", "shear.signals", "moduli")
 """Products that are made only if their stage is requested."""
 
 
-class Jobs(Commands):
+class Jobs(StartingStates):
     """The jobs of a study in one folder of products.
 
     `config` is Snakemake's configuration: study, products and, if set, stage, cases, spheres, seed
@@ -100,12 +83,11 @@ class Jobs(Commands):
         self.prepare = "modal" if self.reduced else settings["prepare"]
         self.rows = self.study.rows
         for number, case in enumerate(self.rows, 1):
-            if re.search(rf"({RESERVED_END})$", case):
-                raise InputError("name", f"case {case}", "ends as a file of a case", "rename it")
+            refuse_reserved_name(case)
             self._complete_row(number, self.rows[case], spheres)
         costs = Path(__file__).with_name("costs.tsv")
         self.costs = pd.read_csv(costs, sep="\t", comment="#", index_col="rule")
-        self.cases = _choose_cases(config.get("cases"), self.rows)
+        self.cases = choose_cases(config.get("cases"), self.rows)
 
     def _complete_row(self, number: int, row: dict[str, Any], spheres: int) -> None:
         """Add a case's number and the study's defaults to its settings.
@@ -129,102 +111,9 @@ class Jobs(Commands):
                 scale = (row["spheres"] / full_spheres) ** (1 / 3)
                 row["width"] = round(row["width"] * scale, 4)
 
-    def cases_of_kind(self, kind: str) -> list[str]:
-        """Return the names of all cases of a kind, fcc or random."""
-        return self._cases_by_kind[kind]
-
-    @cached_property
-    def _cases_by_kind(self) -> dict[str, list[str]]:
-        """Return the names of all cases of each kind."""
-        return {
-            kind: [name for name, row in self.rows.items() if row["kind"] == kind]
-            for kind in ("fcc", "random")
-        }
-
     def pattern(self, cases: Iterable[str]) -> str:
-        """Return a regular expression of the names of some cases.
-
-        Snakemake matches it with each file name. To keep it short, it lists the excluded cases if
-        more than half of all cases are included.
-        """
-        wanted = set(cases)
-        others = [case for case in self.rows if case not in wanted]
-        if not wanted:
-            return NOTHING
-        if not others:
-            return ANY
-        if len(wanted) <= len(others):
-            return one_of(case for case in self.rows if case in wanted)
-        behind = "|".join(map(re.escape, sorted(WORDS_BEHIND_NAMES)))
-        return rf"(?!({one_of(others)})\.({behind})\b){ANY}"
-
-    def walk_of(self, case: str) -> str:
-        """Return the name of the compression that passes through a random case's state."""
-        row = self.rows[case]
-        parts = [f"mu{row['mu_comp']:g}"]
-        for column in self.varied_columns:
-            if row.get(column) is not None:
-                parts.append(part_of_name(column, row[column]))
-        return "_".join(parts)
-
-    @cached_property
-    def varied_columns(self) -> list[str]:
-        """Return the columns of which the study has several values, friction apart.
-
-        They distinguish compressions of one friction. If cases are numbered there are no such
-        columns: compressions differ only in friction.
-        """
-        if self.study.settings["names"] != "":
-            return []
-        rows = [self.rows[case] for case in self.cases_of_kind("random")]
-        columns = (*COLUMNS["walk"][1:], *COLUMNS["pack"])
-        return [name for name in columns if len({str(row.get(name)) for row in rows}) > 1]
-
-    @cached_property
-    def walks(self) -> dict[str, list[str]]:
-        """Return the cases of each compression."""
-        cases_by_walk: dict[str, list[str]] = {}
-        for case in self.cases_of_kind("random"):
-            cases_by_walk.setdefault(self.walk_of(case), []).append(case)
-        return cases_by_walk
-
-    @cached_property
-    def stresses(self) -> list[float]:
-        """Return the stresses, Pa, of the states of every compression."""
-        of_cases = {float(self.rows[case]["stress"]) for case in self.cases_of_kind("random")}
-        return sorted(of_cases | set(map(float, self.study.settings["states"])))
-
-    def state(self, walk: str, stress: float) -> str:
-        """Return the file of a state."""
-        return f"{self.folder}/states/{walk}/{stress:g}Pa.sample.h5"
-
-    def committed_sample(self, case: str) -> str | None:
-        """Return the finished sample that a case starts from, if there is one.
-
-        The result is None if the sample has another stress or friction, and for a case with its own
-        state.
-        """
-        row = self.rows[case]
-        folder = self.study.settings["samples"]
-        path = Path(folder) / f"{case}.sample.h5"
-        has_state = Path(self.state(self.walk_of(case), row["stress"])).exists()
-        if self.from_scratch or has_state or not folder or not path.exists():
-            return None
-        for name in ("stress", "mu_comp"):
-            if _noted(path, name) not in (None, float(row[name])):
-                return None
-        return str(path)
-
-    def is_ready(self, case: str) -> bool:
-        """Tell whether the finished sample is at rest with the friction of the wave."""
-        path = self.committed_sample(case)
-        friction = float(self.rows[case]["mu_wave"])
-        return path is not None and _noted(Path(path), "mu_wave") in (None, friction)
-
-    def starting_state(self, case: str) -> str:
-        """Return the file that the sample of a random case is made from."""
-        state = self.state(self.walk_of(case), float(self.rows[case]["stress"]))
-        return self.committed_sample(case) or state
+        """Return a regular expression of the names of some cases of the study."""
+        return pattern_of_cases(cases, self.rows)
 
     @cached_property
     def forgotten(self) -> list[str]:
@@ -362,13 +251,6 @@ class Jobs(Commands):
                     names.append(f"{walk}_{stress:g}Pa")
         return names
 
-    def finished_state(self, walk: str, stress: float) -> str | None:
-        """Return the finished sample of a state that is not a case; None if there is none."""
-        path = Path(self.study.settings["samples"]) / f"{walk}_{stress / 1e3:g}kPa.sample.h5"
-        if path.exists() and not self.from_scratch:
-            return str(path)
-        return None
-
     def targets(self) -> list[str]:
         """Return the files to be made for the requested cases up to the requested stage."""
         if self.stage == "page":
@@ -404,46 +286,3 @@ class Jobs(Commands):
             return int(attempt * (10 + seconds / 30))
 
         return {"mem_mb": mem_mb, "runtime": runtime}
-
-
-def one_of(names: Iterable[str]) -> str:
-    """Return the pattern of a wildcard that is one of these names."""
-    return "|".join(map(re.escape, names)) or NOTHING
-
-
-def refuse_other_path(name: str, path: object) -> None:
-    """Raise InputError for a path with characters that rules and commands cannot contain."""
-    if not (isinstance(path, str) and PLAIN_PATH.fullmatch(path)):
-        raise InputError(
-            "path", f"{name} {short(path)}", remedy="give a path of letters, digits and _ . - + /"
-        )
-
-
-def _choose_cases(words: Any, rows: Mapping[str, Any]) -> list[str]:
-    """Return cases by name, number or kind; without words, all. InputError for an unknown word."""
-    cases_by_word: dict[str, list[str]] = {"all": list(rows)}
-    for name, row in rows.items():
-        for word in dict.fromkeys((name, str(row["case"]), row["kind"])):
-            cases_by_word.setdefault(word, []).append(name)
-    chosen: dict[str, None] = {}
-    for word in words or ["all"]:
-        cases = cases_by_word.get(str(word)) or cases_by_word.get(str(word).lstrip("0"))
-        if not cases:
-            names = list(rows)
-            raise InputError(
-                "unknown_case",
-                f"case {short(word)}",
-                f"none of the study's: {names[0]} to {names[-1]}",
-            )
-        chosen |= dict.fromkeys(cases)
-    return list(chosen)
-
-
-@cache
-def _noted(path: Path, name: str) -> float | None:
-    """Return a number from the group `study` of a sample's file; None if it cannot be read."""
-    try:
-        with h5py.File(path) as file:
-            return float(file["study"].attrs[name])
-    except (OSError, KeyError, TypeError, ValueError):
-        return None
