@@ -11,10 +11,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.quantities import QUANTITIES, records
+from analysis.quantities import QUANTITIES
+from analysis.quantities.case_quantity import CASE_QUANTITIES
 from analysis.quantities.records import PERCENT
 from analysis.value import Value
 
+OF_MODULI = "bulk_modulus", "shear_modulus", "poisson", "v_p_moduli", "v_s_moduli"
+"""Quantities of a case's result that need a file with moduli."""
+OF_PACKING = "void_ratio", "coordination", "coordination_of_bearing", "v_p_static"
+"""Quantities of a case's result that need the packing alone."""
+OF_CASE = *OF_PACKING, *CASE_QUANTITIES, *OF_MODULI
+"""Quantities of a case's result, as far as the files that they need exist."""
 COLUMNS: Final[Mapping[str, tuple[str, float]]] = {
     "coordination": ("coordination_number", 1.0),
     "coordination_of_bearing": ("coordination_number_bearing", 1.0),
@@ -87,7 +94,7 @@ def paper_column(quantity: str, unit: str) -> tuple[str, float]:
 
 def quantities_by_column() -> dict[str, tuple[str, str, float]]:
     """Return name, unit and factor of the quantities of a case by their column."""
-    names = {name: name for name in records.OF_CASE}
+    names = {name: name for name in OF_CASE}
     names |= {name: source.format(record="linear") for name, source in RECORD_COPIES.items()}
     quantities = {}
     for name, registered in names.items():

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from analysis.case_columns import RECORD_COPIES, SHOWN_GAIN_ORDERS
+from analysis.case_columns import OF_CASE, OF_MODULI, RECORD_COPIES, SHOWN_GAIN_ORDERS
 from analysis.case_result import CaseResult
 from analysis.packing_data import PackingData, cached_on_packing
-from analysis.quantities import QUANTITIES, gain, polarisation, records, spectrum
-from analysis.quantities.records import LOW_PASS, PERCENT
+from analysis.quantities import QUANTITIES, gain, polarisation, spectrum
+from analysis.quantities.case_files import HIGH_MODES_START_IN_F_MAX
+from analysis.quantities.records import LOW_PASS, PERCENT, SHEAR
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
 from analysis.value import Value
@@ -24,13 +25,13 @@ def measure_result(packing: PackingData) -> CaseResult:
     """Measure all quantities that a case's products allow, each of them once."""
     case = packing.case
     result = empty_result(packing)
-    add_quantities(result, packing, records.OF_CASE)
+    add_quantities(result, packing, OF_CASE)
     for percent in PERCENT:
         result.flat[percent] = result.flat[f"{percent}_{result.record}"]
     for name, source in RECORD_COPIES.items():
         result.values[name] = result.values[source.format(record=result.record)]
     result.texts["gain_height"] = gain.height(packing)
-    above = records.HIGH * spectrum.f_max(packing)
+    above = HIGH_MODES_START_IN_F_MAX * spectrum.f_max(packing)
     result.texts["chi_z_high"] = polarisation.largest_chi(packing, above, np.inf)[1]
     _add_curves(packing, result)
     for kind in MAY_LACK:
@@ -69,9 +70,9 @@ def add_quantities(result: CaseResult, packing: PackingData, names: Iterable[str
     thresholds = {name: key for key, (name, _) in LOW_PASS.items()}
     recorded = {"", *packing.shear}
     for name in names:
-        if name in records.OF_MODULI and not packing.case.has("moduli"):
+        if name in OF_MODULI and not packing.case.has("moduli"):
             continue
-        if records.SHEAR.get(name, "") not in recorded:
+        if SHEAR.get(name, "") not in recorded:
             continue
         value = QUANTITIES[name].measured(packing)
         result.values[name] = value

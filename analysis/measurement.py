@@ -193,7 +193,15 @@ def measure(
             "amplitudes", f"amplitudes {list(amplitudes)}", remedy="give positive ones, in m"
         )
     waves = [_read_record(record) for record in records]
-    data = PackingData(network, waves, source, case, keep, sample, amplitudes)
+    data = PackingData(
+        network,
+        waves,
+        source,
+        case=case,
+        keep=keep,
+        sample=sample,
+        amplitudes=amplitudes,
+    )
     values = {}
     for name in _requested_names(quantities, amplitudes):
         values[name] = QUANTITIES[name].measured(data)

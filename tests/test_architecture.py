@@ -34,6 +34,7 @@ ORDER = {
         *(
             "same_state",
             "packing_state",
+            "static_packing",
             "record_rules",
             "packing_data",
             "spectra_cache",

@@ -19,19 +19,18 @@ error that measures the uncertainty of the rule itself.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
 
 from analysis.caveats import Caveat
 from analysis.estimators.fits import straight_line
+from analysis.estimators.trace_delay import correlation_peak, phase_delays_of_traces
+from analysis.estimators.trace_delay import phase_delays as phase_delays
+from analysis.estimators.trace_pair import FADE_IN_PERIODS, first_motion
+from analysis.estimators.trace_pair import RecordPair as RecordPair
 from analysis.value import Value, unknown
-from modal.tools.arrays import Complex, Floats
-from modal.tools.errors import UnavailableError, refuse_unknown
+from modal.tools.errors import refuse_unknown
 from modal.waves.signals import Signals
 
 Rule = Literal["first_arrival", "zero_crossing", "peak_to_peak", "cross_correlation", "phase"]
@@ -40,169 +39,15 @@ ARRIVAL_LEVEL = 0.05
 """Motion, divided by the trace's largest, at which a wave arrives."""
 OTHER_ARRIVAL_LEVELS = (0.025, 0.1)
 """Further levels; the range of their times is the error of a first arrival."""
-MAJOR_PEAK = 0.5
-"""Least height of the first major peak, divided by the trace's largest."""
-MIN_SWING_BACK = 0.05
-"""Least motion beyond a passage through zero, divided by the trace's largest: a pulse that only
-returns to zero does not cross it."""
-SENSE_LEVEL = 0.1
-"""Motion of the source, divided by its largest, at which its first sense is read."""
-END_LEVEL = 1e-3
-"""Motion of the source, divided by its largest, below which it has come to its end."""
-FADE_IN_PERIODS = 0.5
-"""Time over which the end of a direct wave is faded out, and by which the error of the window is
-read, in periods of the source."""
 MIN_WAVELENGTHS = 2.0
 """Number of wavelengths between the transducers below which P- and S-motion of the source overlap
 (I. Sanchez-Salinero, J. M. Roesset and K. H. Stokoe, Univ. of Texas, GR 86-15, 1986)."""
 MAX_SIDE_LOBE = 0.95
 """Largest second maximum of a cross-correlation, divided by the first, for which the cycle is
 certain."""
-ROUND_OFF = 1e-14
-"""Error of a time that a root is found to, divided by the length of the record."""
-MIN_SOURCE_AMPLITUDE = 0.2
-"""Least amplitude of the source's spectrum, divided by its largest, at which a phase is read."""
-PHASE_BAND = (0.5, 1.5)
-"""Frequencies over which the phase is read, divided by the source's frequency."""
-PHASE_FREQUENCIES = 41
-"""Number of frequencies in the band; the one in the middle is the source's."""
 DECIMATED_ERROR = 1 / 3
 """Error of a time from the sampling, divided by its change if every second sample is left out: that
 of a rule of second order."""
-
-
-@dataclass(frozen=True)
-class RecordPair:
-    """The motions of a source and of a receiver, or of two receivers, at the same times.
-
-    Attributes
-    ----------
-    time : ndarray (nt,)
-        Evenly spaced times, s.
-    source, receiver : ndarray (nt,)
-        Motions in any units; those of the source may be a force.
-    frequency : float
-        Frequency of the source, Hz.
-
-    Examples
-    --------
-    >>> time = 1e-6 * np.arange(400)
-    >>> pulse = lambda t: np.where((t > 0) & (t < 1e-4), np.sin(2e4 * np.pi * t), 0)
-    >>> pair = RecordPair(time, pulse(time), 0.1 * pulse(time - 1e-4), 1e4)
-    >>> print(f"{1e6 * travel_time(pair, 'cross_correlation').value:.1f} us")
-    100.0 us
-    """
-
-    time: Floats
-    source: Floats
-    receiver: Floats
-    frequency: float
-
-    @classmethod
-    def of(cls, record: Signals, receiver: int = 0, source: int | None = None) -> RecordPair:
-        """Return the motions of the source and of one of the receivers of a recorded wave.
-
-        If the number of another receiver is given as `source`, this replaces the source. Raises
-        UnavailableError if the wave was not recorded at discs.
-        """
-        discs = record.disc_displacement
-        if discs is None or not np.size(discs):
-            raise UnavailableError(
-                "no_receivers",
-                "the wave was not recorded at discs",
-                remedy="record it with `receivers`, or take two traces as a RecordPair",
-            )
-        motion = record.source_displacement
-        if source is not None:
-            motion = discs[:, source]
-        return cls(record.time, motion, discs[:, receiver], record.input_frequency)
-
-    @property
-    def sense(self) -> float:
-        """The sign of the source's first motion."""
-        size = abs(self.source)
-        first = int(np.argmax(size > SENSE_LEVEL * size.max()))
-        return float(np.sign(self.source[first])) or 1.0
-
-    @cached_property
-    def source_points(self) -> Points:
-        """The characteristic points of the source's motion."""
-        return _points(self.time, self.sense * self.source)
-
-    @cached_property
-    def receiver_points(self) -> Points:
-        """The characteristic points of the receiver's motion, in the source's sense."""
-        return _points(self.time, self.sense * self.receiver)
-
-    @cached_property
-    def decimated(self) -> RecordPair:
-        """The pair with every second sample."""
-        return RecordPair(self.time[::2], self.source[::2], self.receiver[::2], self.frequency)
-
-    def direct(self, periods: float = 0.0) -> RecordPair:
-        """Return the pair without motion after the direct wave.
-
-        The receiver's motion ends as long after its first major peak as the source's motion does
-        after its own; it is faded out over half a period. `periods` are added before that.
-        """
-        moving = abs(self.source) > END_LEVEL * abs(self.source).max()
-        source_end = self.time[np.flatnonzero(moving)[-1]]
-        peak_delay = self.receiver_points.peak - self.source_points.peak
-        if not np.isfinite(peak_delay):
-            return self
-        end = source_end + peak_delay + periods / self.frequency
-        fade = np.clip((self.time - end) * self.frequency / FADE_IN_PERIODS, 0, 1)
-        return replace(self, receiver=self.receiver * np.cos(np.pi * fade / 2) ** 2)
-
-
-class Points(NamedTuple):
-    """Characteristic points of a trace, s; NaN for those that it does not have.
-
-    peak: the first major peak. crossing: the passage through zero after the peak. trough: the
-    lowest point after the crossing.
-    """
-
-    peak: float
-    crossing: float
-    trough: float
-
-
-def _points(time: Floats, trace: Floats) -> Points:
-    """Find the characteristic points of a trace (nt,) whose first motion is positive."""
-    spline = CubicSpline(time, trace)
-    extrema = _finite(spline.derivative().roots(extrapolate=False))
-    heights = spline(extrema)
-    largest = max(float(abs(trace).max()), np.finfo(float).tiny)
-    is_peak = (spline(extrema, 2) < 0) & (heights > MAJOR_PEAK * float(trace.max()))
-    is_peak &= heights > 0
-    if not is_peak.any():
-        return Points(np.nan, np.nan, np.nan)
-    peak = float(extrema[is_peak][0])
-    is_trough = (extrema > peak) & (heights < -MIN_SWING_BACK * largest)
-    crossings = _finite(spline.roots(extrapolate=False))
-    crossings = crossings[crossings > peak]
-    if not is_trough.any() or not len(crossings):
-        return Points(peak, np.nan, np.nan)
-    return Points(peak, float(crossings[0]), float(extrema[is_trough][0]))
-
-
-def _finite(times: Floats) -> Floats:
-    """Return those times that are finite, ascending; an interval where a trace is zero gave NaN."""
-    return np.sort(times[np.isfinite(times)])
-
-
-def _first_motion(time: Floats, trace: Floats, level: float) -> float:
-    """Return the first time, s, at which a trace exceeds `level` times its maximum, or NaN."""
-    largest = float(abs(trace).max())
-    above = abs(trace) >= level * largest
-    if not largest > 0 or above[0]:
-        return np.nan
-    after = int(np.argmax(above))
-    towards = np.sign(trace[after])
-    beyond = CubicSpline(time, towards * trace / largest - level)
-    if not beyond(time[after]) > 0:  # by round-off: the sample itself is at the level
-        return float(time[after])
-    return float(brentq(beyond, time[after - 1], time[after], xtol=ROUND_OFF * time[-1]))
 
 
 def picks(pair: RecordPair, rule: Rule) -> tuple[float, float]:
@@ -212,8 +57,8 @@ def picks(pair: RecordPair, rule: Rule) -> tuple[float, float]:
     """
     if rule == "first_arrival":
         return (
-            _first_motion(pair.time, pair.source, ARRIVAL_LEVEL),
-            _first_motion(pair.time, pair.receiver, ARRIVAL_LEVEL),
+            first_motion(pair.time, pair.source, ARRIVAL_LEVEL),
+            first_motion(pair.time, pair.receiver, ARRIVAL_LEVEL),
         )
     source = pair.source_points
     receiver = pair.receiver_points
@@ -237,8 +82,8 @@ def _read_first_arrival(pair: RecordPair) -> _Reading:
     source, receiver = picks(pair, "first_arrival")
     times = []
     for level in OTHER_ARRIVAL_LEVELS:
-        receiver_time = _first_motion(pair.time, pair.receiver, level)
-        times.append(receiver_time - _first_motion(pair.time, pair.source, level))
+        receiver_time = first_motion(pair.time, pair.receiver, level)
+        times.append(receiver_time - first_motion(pair.time, pair.source, level))
     return _Reading(receiver - source, {"threshold": float(np.ptp(times)) / 2})
 
 
@@ -275,93 +120,14 @@ def _read_cross_correlation(pair: RecordPair) -> _Reading:
     The error of a delay between traces of correlation rho is sqrt(1 / rho^2 - 1) / omega, if the
     rest of one trace, which the other does not explain, is equally large at any phase.
     """
-    delay, correlation, side_lobe = _delay(pair.direct())
-    longer_delay = _delay(pair.direct(FADE_IN_PERIODS))[0]
-    unlike = np.sqrt(max(1 / correlation**2 - 1, 0.0)) / (2 * np.pi * pair.frequency)
+    peak = correlation_peak(pair.direct())
+    longer_window = correlation_peak(pair.direct(FADE_IN_PERIODS))
+    unlike = np.sqrt(max(1 / peak.correlation**2 - 1, 0.0)) / (2 * np.pi * pair.frequency)
     caveats: tuple[Caveat, ...] = ()
-    if side_lobe > MAX_SIDE_LOBE:
-        caveats = (Caveat("ambiguous_cycle", {"ratio": side_lobe}),)
-    parts = {"distortion": float(unlike), "window": abs(longer_delay - delay)}
-    return _Reading(delay, parts, caveats)
-
-
-def _delay(pair: RecordPair) -> tuple[float, float, float]:
-    """Return the delay of the receiver, s, its correlation, and the next maximum / this one."""
-    step = float(pair.time[1] - pair.time[0])
-    size = float(np.linalg.norm(pair.source) * np.linalg.norm(pair.receiver))
-    if not size > 0:
-        return np.nan, np.nan, np.nan
-    count = len(pair.time)
-    cross_spectrum = (
-        np.fft.rfft(pair.receiver, 2 * count) * np.fft.rfft(pair.source, 2 * count).conj()
-    )
-    correlation = np.fft.irfft(cross_spectrum)[:count] / size
-    spline = CubicSpline(step * np.arange(count), correlation)
-    delays = np.append(0.0, _finite(spline.derivative().roots(extrapolate=False)))
-    heights = spline(delays)
-    order = np.argsort(heights)[::-1]
-    best = delays[order[0]]
-    # Maxima apart by less than half a period are the same one.
-    others = heights[abs(delays - best) > 0.5 / pair.frequency]
-    side_lobe = float(others.max(initial=0.0) / heights[order[0]])
-    return float(best), min(float(heights[order[0]]), 1.0), side_lobe
-
-
-@dataclass(frozen=True)
-class PhaseDelays:
-    """Travel times as a function of frequency, by the phase of two traces' cross-spectrum.
-
-    Attributes
-    ----------
-    frequency : ndarray (nf,)
-        Frequencies in the source's spectrum, Hz.
-    phase : ndarray (nf,)
-        Phase by which the receiver lags, divided by omega, s: distance divided by phase velocity.
-    group : ndarray (nf,)
-        Derivative of this phase with respect to omega, s: distance divided by group velocity.
-    """
-
-    frequency: Floats
-    phase: Floats
-    group: Floats
-
-
-def phase_delays(pair: RecordPair) -> PhaseDelays:
-    """Read the travel times of the direct wave of two traces at each frequency.
-
-    The whole number of periods, which a phase does not show, follows from the largest
-    cross-correlation.
-
-    Examples
-    --------
-    >>> time = 1e-6 * np.arange(400)
-    >>> pulse = lambda t: np.where((t > 0) & (t < 1e-4), np.sin(2e4 * np.pi * t), 0)
-    >>> delays = phase_delays(RecordPair(time, pulse(time), 0.1 * pulse(time - 1e-4), 1e4))
-    >>> (1e6 * delays.group[[0, -1]]).round(1)
-    array([100., 100.])
-    """
-    return _phase_delays(pair.direct())
-
-
-def _phase_delays(pair: RecordPair) -> PhaseDelays:
-    """Read the travel times between two whole traces at each frequency."""
-    delay = _delay(pair)[0]
-    frequency = pair.frequency * np.linspace(*PHASE_BAND, PHASE_FREQUENCIES)
-    source = _spectrum(pair.time, pair.source, frequency)
-    receiver = _spectrum(pair.time, pair.receiver, frequency)
-    is_sent = abs(source) > MIN_SOURCE_AMPLITUDE * abs(source).max()
-    omega = 2 * np.pi * frequency
-    rest = np.angle(receiver * source.conj() * np.exp(1j * omega * delay))
-    middle = PHASE_FREQUENCIES // 2
-    unwrapped = np.unwrap(rest)
-    lag = omega * delay - (unwrapped - unwrapped[middle] + rest[middle])
-    return PhaseDelays(frequency[is_sent], (lag / omega)[is_sent], np.gradient(lag, omega)[is_sent])
-
-
-def _spectrum(time: Floats, trace: Floats, frequency: Floats) -> Complex:
-    """Return the Fourier transform (nf,), time dependence exp(i omega t), of a trace (nt,)."""
-    kernel = np.exp(-2j * np.pi * frequency[:, None] * time)
-    return np.asarray(kernel @ trace * (time[1] - time[0]), complex)
+    if peak.side_lobe > MAX_SIDE_LOBE:
+        caveats = (Caveat("ambiguous_cycle", {"ratio": peak.side_lobe}),)
+    parts = {"distortion": float(unlike), "window": abs(longer_window.delay - peak.delay)}
+    return _Reading(peak.delay, parts, caveats)
 
 
 def _read_phase(pair: RecordPair) -> _Reading:
@@ -370,8 +136,8 @@ def _read_phase(pair: RecordPair) -> _Reading:
     The error combines the scatter of the phase about a straight line over the band with the change
     under a window that ends half a period later.
     """
-    delays = _phase_delays(pair.direct())
-    longer = _phase_delays(pair.direct(FADE_IN_PERIODS))
+    delays = phase_delays_of_traces(pair.direct())
+    longer = phase_delays_of_traces(pair.direct(FADE_IN_PERIODS))
     time = float(np.interp(pair.frequency, delays.frequency, delays.phase))
     longer_time = float(np.interp(pair.frequency, longer.frequency, longer.phase))
     omega = 2 * np.pi * delays.frequency

@@ -20,8 +20,9 @@ from typing import NoReturn
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.estimators.arrival_rules import MIN_SOURCE_AMPLITUDE, PHASE_BAND, RecordPair
 from analysis.estimators.fits import straight_line
+from analysis.estimators.trace_delay import MIN_SOURCE_AMPLITUDE, PHASE_BAND
+from analysis.estimators.trace_pair import RecordPair
 from modal.tools.arrays import Complex, Floats
 from modal.tools.errors import UnavailableError
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, Style
 from analysis.packing_data import PackingData
+from analysis.quantities.case_files import HIGH_MODES_START_IN_F_MAX, LOW_MODES_END_IN_F_MAX
 from analysis.quantities.polarisation import chi_lists
-from analysis.quantities.records import HIGH, LOW
 from analysis.quantities.spectrum import density, f_max, standing, z_shapes
 from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
@@ -101,7 +101,11 @@ def chi_z(m: PackingData) -> Panel:
     if resonances is not None and len(resonances):
         tick_style: Style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
         panel.line(resonances / 1e3, np.full(len(resonances), 1.07), "P resonances", **tick_style)
-    for name, ends, ls in (("chi_z_low", (0, LOW), "--"), ("chi_z_high", (HIGH, 0.1), ":")):
+    stated_ranges = (
+        ("chi_z_low", (0, LOW_MODES_END_IN_F_MAX), "--"),
+        ("chi_z_high", (HIGH_MODES_START_IN_F_MAX, 0.1), ":"),
+    )
+    for name, ends, ls in stated_ranges:
         if name in m.stated:
             level = m.stated[name][0]
             panel.line(np.array(ends) * f_max(m) / 1e3, [level, level], "stated", color="k", ls=ls)

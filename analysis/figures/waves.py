@@ -5,8 +5,8 @@ from typing import Unpack
 import numpy as np
 
 from analysis.estimators.layer_lattice import exact_twin
-from analysis.estimators.low_pass import threshold_curves
 from analysis.estimators.source_motion import cut
+from analysis.estimators.threshold_rule import threshold_curves
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, Style
 from analysis.packing_data import PackingData
 from analysis.quantities.passband import edges, passband

@@ -10,5 +10,5 @@ from analysis.quantities.registry import QUICK as QUICK
 
 # In the order in which results are shown.
 WAVES = "velocity", "passband", "scattering", "spectrum", "polarisation", "soft_modes", "gain"
-for _room in *WAVES, "elasticity", "packing", "records", "amplitude":
+for _room in *WAVES, "elasticity", "packing", "case_files", "records", "amplitude":
     import_module(f"analysis.quantities.{_room}")

@@ -7,8 +7,8 @@ import numpy as np
 
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import DECAY, STRETCH, Coherent
-from analysis.estimators.low_pass import spectra
 from analysis.estimators.structure_factor import POWER_RANGE, Scattering, structure_factor
+from analysis.estimators.threshold_rule import spectra
 from analysis.explanation import Step, UnreadableError, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.passband import low_pass_2, scale

@@ -17,8 +17,8 @@ from analysis.case_columns import of_one_producer
 from analysis.case_measurement import measure_result
 from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import lattice_signals
-from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.resonances import standing_modes
+from analysis.estimators.threshold_rule import THRESHOLDS
 from analysis.frame import frame_of, numbers
 from analysis.packing_data import PackingData
 from analysis.packing_state import why_unsettled

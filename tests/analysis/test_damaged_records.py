@@ -17,8 +17,9 @@ from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import LayerLattice, exact_twin, lattice_signals
-from analysis.estimators.low_pass import Passband, at_stretch
+from analysis.estimators.low_pass import Passband
 from analysis.estimators.ridge import ridge
+from analysis.estimators.threshold_rule import at_stretch
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
 from analysis.estimators.wavenumber import chain_wavenumber
 from analysis.packing_data import PackingData

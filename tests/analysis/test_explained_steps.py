@@ -13,7 +13,7 @@ from analysis.estimators.resonances import MIN_SHARE
 from analysis.estimators.structure_factor import structure_factor, write_structure
 from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
-from analysis.quantities.records import HIGH, LOW
+from analysis.quantities.case_files import HIGH_MODES_START_IN_F_MAX, LOW_MODES_END_IN_F_MAX
 from modal.modes.density import density_of_states, write_density
 from modal.modes.mode_set import write_modes
 from modal.packing.network import write_network
@@ -91,7 +91,11 @@ def test_list_of_few_modes_ends_early():
 
 
 @pytest.mark.parametrize(
-    ("name", "low", "high"), [("chi_z_low", 0.0, LOW), ("chi_z_high_mean", HIGH, np.inf)]
+    ("name", "low", "high"),
+    [
+        ("chi_z_low", 0.0, LOW_MODES_END_IN_F_MAX),
+        ("chi_z_high_mean", HIGH_MODES_START_IN_F_MAX, np.inf),
+    ],
 )
 def test_chi_z_of_an_interval_counts_its_modes(name, low, high, packing):
     frequency = packing.case.read("modes").frequency

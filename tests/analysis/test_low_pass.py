@@ -5,13 +5,10 @@ import pytest
 from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain, record
 
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from analysis.estimators.low_pass import (
-    CRYSTAL_STRETCH,
-    STRETCH,
+from analysis.estimators.low_pass import CRYSTAL_STRETCH, STRETCH, Passband, columns_of
+from analysis.estimators.threshold_rule import (
     THRESHOLDS,
-    Passband,
     at_stretch,
-    columns_of,
     last_crossing,
     spectra,
     threshold_curves,

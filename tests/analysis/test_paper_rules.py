@@ -13,14 +13,8 @@ from long_packing import thin_packing
 from places import ROOT
 
 import modal
-from analysis.estimators.low_pass import (
-    CRYSTAL_STRETCH,
-    STRETCH,
-    THRESHOLDS,
-    at_stretch,
-    spectra,
-    threshold_curves,
-)
+from analysis.estimators.low_pass import CRYSTAL_STRETCH, STRETCH
+from analysis.estimators.threshold_rule import THRESHOLDS, at_stretch, spectra, threshold_curves
 from analysis.estimators.travel_time import travelled
 from modal.motions import Pulse
 
