@@ -3,7 +3,7 @@
 A small packing is compressed to 100 kPa by the study's servo, and its void ratio, coordination
 number, stresses and residual forces are written down as it settles. Every stop criterion is read
 from the same run; how far the state still moves after it is its error. The motion is modal's own,
-whose steps are YADE's (`tests/preparation/test_dynamics.py`).
+whose steps are YADE's (`tests/preparation/test_same_steps.py`).
 """
 
 import time

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from changes import ENDS, PER_CONTACT, stiffer
+from changes import ENDS, PER_CONTACT, in_flight, stiffer
 from places import SHEARED
 
 from modal.packing import crystal as gallery
@@ -269,3 +269,14 @@ def columns_side_by_side(copies: int, high: int = 2) -> Network:
         # Numbers of walls are negative and stay.
         columns[end] = np.where(columns[end] >= 0, columns[end] + first_sphere, columns[end])
     return replace(column, **columns)
+
+
+def agitated_sample(spheres=120, friction=0.3, speed=0.05, aspect=1.5, **mixture):
+    """Return a packing at 100 kPa whose spheres fly by two overlaps in 50 steps, and spin."""
+    random = np.random.default_rng(5)
+    packed = random_sample(spheres, 1e5, aspect=aspect, tolerance=1e-3, **mixture)
+    velocity = speed * random.standard_normal((spheres, 3))
+    surface_velocity = speed * random.standard_normal((spheres, 3))
+    shear = np.zeros((packed.network().n_contacts, 2))
+    packed = replace(packed, friction=friction, shear=shear)
+    return in_flight(packed, velocity, surface_velocity / packed.radius)
