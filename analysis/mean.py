@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.steps import Step
 from analysis.value import COMMON, Value
 from modal.tools.arrays import Array, Floats
 
@@ -33,7 +34,27 @@ def mean_of_values(values: Sequence[Value]) -> Value:
     common = [value.parts[COMMON] for value in values if COMMON in value.parts]
     if common:
         parts[COMMON] = max(common)
-    return Value(numbers.mean(axis=0), first.unit, parts, (), first.at, scatter)
+    mean = numbers.mean(axis=0)
+    steps = [_step_of_sample(number, value) for number, value in enumerate(values, 1)]
+    of_mean = {"averaged_samples": float(count)}
+    if not shape:
+        of_mean["sample_scatter"] = float(scatter)
+    steps.append(Step("mean", "averaged", of_mean, value_unit=first.unit))
+    return Value(mean, first.unit, parts, (), first.at, scatter, steps=tuple(steps))
+
+
+def _step_of_sample(number: int, value: Value) -> Step:
+    """Return the value of one of the samples, or how many values it has, as a step."""
+    numbers: dict[str, float] = {"sample": number}
+    if np.ndim(value.value):
+        numbers["values"] = np.isfinite(value.value).sum()
+        if value.at is not None:
+            numbers |= {"lowest": value.at.min(), "highest": value.at.max()}
+    else:
+        numbers["sample_value"] = value.value
+        numbers["sample_error"] = float(np.sqrt(np.maximum(_independent_square(value), 0.0)))
+        numbers["shared_error"] = value.common_error
+    return Step("sample", "read", numbers, value_unit=value.unit)
 
 
 def _grid_of(value: Value) -> Array:

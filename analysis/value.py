@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.explanation import ERROR_PARTS, Explanation, Step
+from analysis.explanation import ERROR_PARTS, Explanation
+from analysis.steps import Step
 from modal.tools.arrays import Floats
 from modal.tools.display import plain, quantity, scaled
 
@@ -46,7 +47,7 @@ class Value:
         Whether the value of a threshold rule does not depend on the stretch where it is read; None
         for all other values.
     steps : tuple of Step
-        Windows, fits and limits that led to the value, or that show why it is not known.
+        Windows, fits, limits and samples that led to the value, or to not knowing it.
 
     Examples
     --------

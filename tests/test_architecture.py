@@ -29,7 +29,17 @@ ORDER = {
         ),
     ),
     "analysis": (
-        *("table", "typed_json", "watch", "caveats", "explanation", "value", "mean", "estimators"),
+        *(
+            "table",
+            "typed_json",
+            "watch",
+            "caveats",
+            "steps",
+            "explanation",
+            "value",
+            "mean",
+            "estimators",
+        ),
         *("transducer_pair", "bench", "agreement", "case"),
         *(
             "same_state",

@@ -72,7 +72,8 @@ def run(options: Options) -> int:
     if options.json:
         put(text)
     elif options.explain:
-        put("\n\n".join(f"{path}\n{_explain(each)}" for path, each in measured.found.items()))
+        blocks = [f"{name}\n{_explain(each)}" for name, each in _with_mean(measured).items()]
+        put("\n\n".join(blocks))
     else:
         put(_text(measured))
     for path, error in measured.refused.items():
@@ -87,9 +88,16 @@ def _as_json(measured: MeasuredFiles, explained: bool) -> dict[str, Any]:
     if not explained:
         return measured.as_json()
     by_file = {}
-    for path, measurement in measured.found.items():
+    for path, measurement in _with_mean(measured).items():
         by_file[path] = {name: value.explain().as_json() for name, value in measurement.items()}
     return by_file
+
+
+def _with_mean(measured: MeasuredFiles) -> dict[str, Measurement]:
+    """Return the measurement of each file by its path, and `mean` if there is one."""
+    if measured.mean is None or measured.differences:
+        return measured.found
+    return measured.found | {"mean": measured.mean}
 
 
 def _explain(measurement: Measurement) -> str:
@@ -102,10 +110,7 @@ def _explain(measurement: Measurement) -> str:
 
 def _text(measured: MeasuredFiles) -> str:
     """Return the quantities of each packing, and their mean if there is one."""
-    blocks = [f"{path}\n{each}" for path, each in measured.found.items()]
-    if measured.mean is not None and not measured.differences:
-        blocks.append(f"mean\n{measured.mean}")
-    return "\n\n".join(blocks)
+    return "\n\n".join(f"{name}\n{each}" for name, each in _with_mean(measured).items())
 
 
 def _table(measurements: Mapping[str, Measurement]) -> str:

@@ -25,7 +25,7 @@ from analysis.estimators.threshold_rule import (
     spectra,
     threshold_curves,
 )
-from analysis.explanation import Step, limit_step
+from analysis.steps import Step, limit_step
 from analysis.value import Value, hertz, unknown
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing

@@ -21,7 +21,7 @@ of Ioffe and Regel, a low-pass frequency that needs no threshold.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -124,6 +124,26 @@ class Scattering:
         return power_law(self.frequency[near], self.width[near])
 
 
+class PowerPeak(NamedTuple):
+    """The largest power of a wave on the grid of frequencies, with the powers beside it.
+
+    grid_frequency: where it is, Hz. step: of the grid, Hz. before, largest, behind: powers, 1/Hz.
+    """
+
+    grid_frequency: float
+    step: float
+    before: float
+    largest: float
+    behind: float
+
+    @property
+    def frequency(self) -> float:
+        """Return where the parabola through the logarithms of the three powers is highest, Hz."""
+        powers = np.array([self.before, self.largest, self.behind])
+        before, largest, behind = np.log(np.maximum(powers, np.finfo(float).tiny))
+        return float(self.grid_frequency + self.step * summit(before, largest, behind))
+
+
 @dataclass(frozen=True)
 class StructureFactor:
     """The dynamic structure factor of standing or plane waves.
@@ -157,19 +177,23 @@ class StructureFactor:
         distinguished from zero. NaN if the maximum or half of its height lies outside the
         frequencies.
         """
-        peak = np.full(len(self.order), np.nan)
+        frequency = np.full(len(self.order), np.nan)
         width = np.full(len(self.order), np.nan)
-        step = self.frequency[1] - self.frequency[0]
         for n, row in enumerate(self.power):
-            top = int(np.argmax(row))
-            if not 0 < top < len(row) - 1:
-                continue
-            before, maximum, behind = np.log(
-                np.maximum(row[top - 1 : top + 2], np.finfo(float).tiny)
-            )
-            peak[n] = self.frequency[top] + step * summit(before, maximum, behind)
-            width[n] = self._width(row, top)
-        return peak, width
+            peak = self.peak_of_row(n)
+            if peak is not None:
+                frequency[n] = peak.frequency
+                width[n] = self._width(row, int(np.argmax(row)))
+        return frequency, width
+
+    def peak_of_row(self, row: int) -> PowerPeak | None:
+        """Return the largest power of a row; None if it is at either end of the frequencies."""
+        power = self.power[row]
+        top = int(np.argmax(power))
+        if not 0 < top < len(power) - 1:
+            return None
+        step = float(self.frequency[1] - self.frequency[0])
+        return PowerPeak(float(self.frequency[top]), step, *power[top - 1 : top + 2].tolist())
 
     def _width(self, row: np.ndarray, top: int) -> float:
         """Return the full width at half height, Hz, of a row (nf,) whose maximum is at `top`."""

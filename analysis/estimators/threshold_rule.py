@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.explanation import Step, limit_step
+from analysis.steps import Step, limit_step
 from analysis.value import Value, unknown
 
 Reference = Literal["map", "own"]

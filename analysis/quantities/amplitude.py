@@ -15,10 +15,10 @@ import numpy as np
 import modal
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
-from analysis.explanation import Step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.record_rules import RECORD_INTERVAL_IN_D_PER_V
+from analysis.steps import Step
 from analysis.value import Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError

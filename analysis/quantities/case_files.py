@@ -5,12 +5,11 @@ These quantities are measured on request, because most packings lack the files t
 
 import numpy as np
 
-from analysis.case import AbsentError
 from analysis.estimators.excess import Excess
-from analysis.explanation import Step
 from analysis.packing_data import PackingData
 from analysis.quantities import gain, polarisation, scattering, spectrum, velocity
 from analysis.quantities.case_quantity import case_quantity
+from analysis.steps import Step
 from analysis.value import Value, estimate
 
 LOW_MODES_END_IN_F_MAX = 0.05
@@ -52,7 +51,7 @@ def v_p_first_peaks_columns(packing: PackingData) -> Value:
 @case_quantity("m/s", "2 L f_1 of the first resonance (Eqs. 3, 4)")
 def v_p_modes_first(packing: PackingData) -> Value:
     """Measure V_P by the frequency of the first P resonance."""
-    resonance = _resonance(packing, 1)
+    resonance = spectrum.resonance(packing, 1)
     length = packing.network.length
     velocity = 2 * length * resonance.value
     numbers = {"frequency": resonance.value, "packing_length": length, "velocity": velocity}
@@ -109,14 +108,14 @@ def f_min(packing: PackingData) -> Value:
 @case_quantity("Hz", "first P resonance")
 def f_1(packing: PackingData) -> Value:
     """Measure the frequency of the first P resonance."""
-    return _resonance(packing, 1)
+    return spectrum.resonance(packing, 1)
 
 
 @case_quantity("Hz", "200th P resonance of a crystal")
 def f_200(packing: PackingData) -> Value:
     """Measure the frequency of the last P resonance of a crystal."""
     packing.require_crystal()
-    return _resonance(packing, LAST_RESONANCE_OF_CRYSTAL)
+    return spectrum.resonance(packing, LAST_RESONANCE_OF_CRYSTAL)
 
 
 @case_quantity("1", "number of P resonances")
@@ -222,18 +221,6 @@ def excess_largest(packing: PackingData) -> Value:
 def excess_largest_at(packing: PackingData) -> Value:
     """Measure the frequency of the largest ratio of density of states to plane waves."""
     return estimate(_excess(packing).peak_frequency, steps=_steps_of_density(packing))
-
-
-def _resonance(packing: PackingData, order: int) -> Value:
-    """Measure a P resonance by its mode, or by the ridge of the structure factor, Hz.
-
-    Raises AbsentError if fewer resonances are known.
-    """
-    frequency = spectrum.standing_waves(packing)[0]
-    if len(frequency) < order:
-        raise AbsentError
-    modes = packing.case.read("modes")
-    return spectrum.natural_frequency(float(frequency[order - 1]), modes)
 
 
 def _largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> Value:

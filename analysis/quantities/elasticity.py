@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 from analysis.caveats import Caveat
-from analysis.explanation import Step, limit_step
 from analysis.packing_data import PackingData
 from analysis.quantities.registry import on_request, quantity
+from analysis.steps import Step, limit_step
 from analysis.value import Value, unknown
 from modal.elasticity.moduli import UNEVEN_ASYMMETRY, ElasticModuli
 from modal.elasticity.plane_waves import isotropic_mean

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.explanation import Step
+from analysis.steps import Step
 from analysis.value import Value
 from modal.elasticity.few_digits import COVERAGE_FACTOR
 from modal.elasticity.moduli import elastic_moduli

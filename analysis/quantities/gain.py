@@ -3,13 +3,13 @@
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.explanation import Step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.passband import low_pass_2
 from analysis.quantities.registry import on_request
 from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import longest
 from analysis.spectra_cache import compute_spectrum, kept_file
+from analysis.steps import Step
 from analysis.value import Value, hertz
 from modal.tools.arrays import Floats
 from modal.waves.response import Response, maxima

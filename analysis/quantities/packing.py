@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.explanation import Step, limit_step
 from analysis.packing_data import PackingData
 from analysis.quantities.registry import on_request, quantity
 from analysis.same_state import note
+from analysis.steps import Step, limit_step
 from analysis.value import Value, unknown
 from modal.packing import state
 from modal.packing.network import Network
@@ -180,5 +180,13 @@ def stress_error(packing: PackingData) -> Value:
     target = note(packing.network, "stress")
     if not target > 0:
         return unknown("1", Caveat("no_stated_stress"))
-    error = abs(np.diag(state.stress_tensor(packing.network)) / target - 1).max()
-    return Value(float(error), "1")
+    stress = np.diag(state.stress_tensor(packing.network))
+    error = abs(stress / target - 1).max()
+    along_x, along_y, along_z = stress
+    numbers = {
+        "stress_x": along_x,
+        "stress_y": along_y,
+        "stress_z": along_z,
+        "stated_stress": target,
+    }
+    return Value(float(error), "1", steps=(Step("window", "read", numbers),))

@@ -4,11 +4,11 @@ import numpy as np
 
 from analysis.case import AbsentError
 from analysis.caveats import Caveat
-from analysis.explanation import Step, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.quantities.spectrum import highest, lowest_modes, step_of_modes
 from analysis.quantities.velocity import longest
+from analysis.steps import Step, limit_step
 from analysis.value import Value, estimate, unknown
 from modal.modes.eigenmodes import eigenmodes
 from modal.packing.precision import taken_as_exact

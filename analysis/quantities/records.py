@@ -14,11 +14,11 @@ import numpy as np
 from analysis.case import AbsentError
 from analysis.estimators.low_pass import Whose
 from analysis.estimators.threshold_rule import Reference
-from analysis.explanation import Step
 from analysis.packing_data import PackingData
 from analysis.quantities import passband, spectrum, velocity
 from analysis.quantities.case_quantity import Measure, case_quantity
 from analysis.quantities.passband import Producer
+from analysis.steps import Step
 from analysis.value import Value, estimate
 
 PERCENT = "2", "1", "3"

@@ -8,9 +8,9 @@ from functools import partial
 from typing import TypeVar
 
 from analysis.caveats import Caveat, refusal
-from analysis.explanation import UnreadableError
 from analysis.packing_data import PackingData
 from analysis.quantities.few_digits import with_digits
+from analysis.steps import UnreadableError
 from analysis.value import Value, estimate, unknown
 from modal.packing.network import Network
 from modal.packing.plausibility import is_of_a_solid, median_density

@@ -9,7 +9,6 @@ from analysis.caveats import Caveat
 from analysis.estimators.coherent import DECAY, STRETCH, Coherent
 from analysis.estimators.structure_factor import POWER_RANGE, Scattering, structure_factor
 from analysis.estimators.threshold_rule import spectra
-from analysis.explanation import Step, UnreadableError, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import on_request, quantity
@@ -22,6 +21,7 @@ from analysis.quantities.velocity import (
     v_p,
 )
 from analysis.spectra_cache import kept_file
+from analysis.steps import Step, UnreadableError, limit_step
 from analysis.value import Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
 

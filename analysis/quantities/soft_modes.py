@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.estimators.structure_factor import wave_vectors
-from analysis.explanation import Step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.quantities.spectrum import step_of_modes
+from analysis.steps import Step
 from analysis.value import Value
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet

@@ -7,11 +7,12 @@ from analysis.caveats import Caveat
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.estimators.excess import Excess, excess_of
-from analysis.explanation import Step, limit_step
+from analysis.estimators.structure_factor import StructureFactor
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER
 from analysis.spectra_cache import as_read, compute_spectrum, kept_file
+from analysis.steps import Step, limit_step
 from analysis.value import Value, estimate, hertz, unknown
 from modal.modes.collective import every_floppy
 from modal.modes.eigenmodes import eigenmodes
@@ -233,6 +234,37 @@ def natural_frequency(frequency: float, *lists: ModeSet | None) -> Value:
             steps = (Step("fit", "converged", {"residual": residual}),)
             return estimate(frequency, 0.5 * frequency * residual, steps=steps)
     return estimate(frequency)
+
+
+def resonance(packing: PackingData, order: int) -> Value:
+    """Measure the P resonance of an order by its mode, or by the ridge of the structure factor, Hz.
+
+    Raises AbsentError if fewer resonances are known.
+    """
+    frequencies = standing_waves(packing)[0]
+    if len(frequencies) < order:
+        raise AbsentError
+    frequency = float(frequencies[order - 1])
+    modes = packing.case.read("modes")
+    structure = packing.case.read("structure")
+    if structure is None or (modes is not None and frequency in modes.frequency):
+        return natural_frequency(frequency, modes)
+    return estimate(frequency, steps=(_step_of_ridge(structure, order),))
+
+
+def _step_of_ridge(structure: StructureFactor, order: int) -> Step:
+    """Return the largest power of a standing wave, and the powers beside it, as a step."""
+    numbers = {"standing_wave": float(order), "resolution": structure.resolution}
+    peak = structure.peak_of_row(order - 1)
+    if peak is None:
+        return Step("window", "none_left", numbers)
+    numbers |= {
+        "grid_frequency": peak.grid_frequency,
+        "grid_step": peak.step,
+        "power_before": peak.before / peak.largest,
+        "power_behind": peak.behind / peak.largest,
+    }
+    return Step("fit", "fitted", numbers)
 
 
 @cached_on_packing

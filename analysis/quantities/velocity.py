@@ -21,9 +21,9 @@ from analysis.estimators.coherent import (
 )
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, layers_above, travelled
-from analysis.explanation import Step, UnreadableError, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request, quantity
+from analysis.steps import Step, UnreadableError, limit_step
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
 

@@ -11,17 +11,9 @@ import modal
 from analysis.__main__ import main
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import Coherent
-from analysis.explanation import (
-    DIRECT,
-    ERROR_PARTS,
-    NOT_BEGUN,
-    NUMBERS,
-    OUTCOMES,
-    WAVE_ENDS,
-    Step,
-    limit_step,
-)
+from analysis.explanation import DIRECT, ERROR_PARTS, NOT_BEGUN
 from analysis.quantities.passband import FADED_AMPLITUDE, find_fading
+from analysis.steps import NUMBERS, OUTCOMES, WAVE_ENDS, Step, limit_step
 from analysis.value import Value, unknown
 from modal.packing.network import write_network
 from modal.waves.motions import Pulse

@@ -4,16 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import slim
+from changes import mirrored
+from packings import slender, slim
 
 import analysis
 import modal
+from analysis.__main__ import main
 from analysis.case import Case
 from analysis.estimators.resonances import MIN_SHARE
 from analysis.estimators.structure_factor import structure_factor, write_structure
+from analysis.mean import mean_of_values
 from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
 from analysis.quantities.case_files import HIGH_MODES_START_IN_F_MAX, LOW_MODES_END_IN_F_MAX
+from analysis.value import Value
 from modal.modes.density import density_of_states, write_density
 from modal.modes.mode_set import write_modes
 from modal.packing.network import write_network
@@ -159,6 +163,102 @@ def test_threshold_of_a_crystal_lies_above_its_band_where_no_wave_travels(crysta
 def test_band_edge_of_a_record_is_that_of_its_fit(crystal):
     edge = measure(crystal, "band_edge_linear")
     assert numbers_of(edge)["band_edge"] == edge.value
+
+
+def test_wavelength_at_a_band_edge_is_that_of_its_fit(crystal):
+    wavelength = measure(crystal, "lambda_edge_linear_over_d")
+    numbers = numbers_of(wavelength)
+    assert numbers["edge_wavelength"] / numbers["diameter"] == pytest.approx(wavelength.value)
+    # The edge of the ridge lies within the resolution of the record, 1 / T, of the fitted one.
+    resolution = 1 / crystal.linear.time[-1]
+    fitted_edge = measure(crystal, "band_edge_linear").value
+    assert numbers["frequency"] == pytest.approx(fitted_edge, abs=resolution)
+
+
+def test_wavelength_of_a_record_without_an_edge_says_so(crystal):
+    """Measure a record of noise, in which no wave travels forward."""
+    random = np.random.default_rng(1)
+    motion = random.standard_normal(crystal.linear.chain_displacement.shape)
+    noise = replace(crystal.linear, chain_displacement=motion)
+    packing = PackingData(crystal.network, linear_record=noise)
+    value = QUANTITIES["lambda_edge_linear_over_d"].measured(packing)
+    assert not value.known
+    assert value.steps[-1].outcome == "no_reversal"
+
+
+def test_stress_error_is_the_largest_of_three_deviations():
+    network = slim()
+    network = replace(network, study={**network.study, "stress": 1.1e5})
+    value = analysis.measure(network, quantities="stress_error")["stress_error"]
+    numbers = numbers_of(value)
+    stresses = np.array([numbers[f"stress_{axis}"] for axis in "xyz"])
+    assert numbers["stated_stress"] == 1.1e5
+    assert value.value == pytest.approx(abs(stresses / 1.1e5 - 1).max())
+
+
+def test_first_resonance_of_a_ridge_is_the_summit_of_three_powers(packing):
+    """Read a packing that has a structure factor and no modes."""
+    structure = packing.case.read("structure")
+    case = Case("case01", packing.case.folder, {}, contents={"structure": structure})
+    value = QUANTITIES["f_1"].measured(PackingData(packing.network, case=case))
+    numbers = numbers_of(value)
+    assert numbers["standing_wave"] == 1
+    before = np.log(numbers["power_before"])
+    behind = np.log(numbers["power_behind"])
+    shift = (before - behind) / (before + behind) / 2
+    expected = numbers["grid_frequency"] + shift * numbers["grid_step"]
+    assert value.value == pytest.approx(expected)
+    # A mode makes each line, so that one lies within the width of the line.
+    assert abs(value.value - packing.case.read("modes").frequency).min() < numbers["resolution"]
+
+
+def test_mean_and_its_error_follow_from_the_samples():
+    """Compute both from the numbers that are printed of each sample, by the rule of means."""
+    values = [
+        Value(500.0, "m/s", {"fit": 6.0, "length": 2.0}),
+        Value(520.0, "m/s", {"fit": 8.0, "length": 3.0}),
+        Value(507.0, "m/s", {"fit": 5.0}),
+    ]
+    mean = mean_of_values(values)
+    *samples, of_mean = mean.steps
+    speeds, errors, shared = np.transpose(
+        [
+            [step.numbers[name] for name in ("sample_value", "sample_error", "shared_error")]
+            for step in samples
+        ]
+    )
+    assert mean.value == pytest.approx(speeds.mean())
+    assert of_mean.numbers["averaged_samples"] == len(values)
+    assert of_mean.numbers["sample_scatter"] == pytest.approx(np.std(speeds, ddof=1))
+    independent = np.sqrt((errors**2).sum()) / len(values)
+    between_samples = np.std(speeds, ddof=1) / np.sqrt(len(values))
+    by_rule = max(np.hypot(independent, shared.max()), between_samples)
+    assert mean.error == pytest.approx(by_rule)
+    assert {step.units["sample_value"] for step in samples} == {"m/s"}
+
+
+def test_mean_over_frequency_says_which_frequencies_its_samples_have():
+    first = Value(np.array([1.0, 2.0]), "1/m", {}, at=np.array([1e3, 2e3]))
+    second = Value(np.array([1.0, 2.0, np.nan]), "1/m", {}, at=np.array([5e2, 1e3, 3e3]))
+    steps = mean_of_values([first, second]).steps
+    assert [step.numbers.get("values") for step in steps] == [2, 2, None]
+    assert [step.numbers.get("highest") for step in steps] == [2e3, 3e3, None]
+
+
+def test_explained_mean_of_two_files_is_printed_with_them(tmp_path, printed, capsys):
+    network = slender()
+    paths = []
+    for number, sample in enumerate([network, mirrored(network)]):
+        paths.append(str(tmp_path / f"sample{number}.network.h5"))
+        write_network(paths[-1], sample)
+    command = ["measure", *paths, "--explain", "coordination"]
+    explained = printed(*command, main=main)
+    assert list(explained) == [*paths, "mean"]
+    *samples, _ = explained["mean"]["coordination"]["steps"]
+    values = [explained[path]["coordination"]["value"] for path in paths]
+    assert [step["numbers"]["sample_value"] for step in samples] == values
+    assert main(command) == 0
+    assert "\nmean\ncoordination: " in capsys.readouterr().out
 
 
 def test_digits_of_a_packing_are_the_last_step():
