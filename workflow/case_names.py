@@ -30,8 +30,8 @@ NOTHING = "(?!)"
 def pattern_of_cases(cases: Iterable[str], all_cases: Collection[str]) -> str:
     """Return a regular expression of the names of some of all cases.
 
-    Snakemake tries it on each file, so it does not list thousands of names: if it is about more
-    than half of all cases it lists those that are left out.
+    Snakemake matches it with each file name. To keep it short, it lists the excluded cases if more
+    than half of all cases are included.
     """
     wanted = set(cases)
     others = [case for case in all_cases if case not in wanted]
@@ -65,7 +65,7 @@ def refuse_other_path(name: str, path: object) -> None:
 
 
 def choose_cases(words: Any, rows: Mapping[str, Any]) -> list[str]:
-    """Return cases by name, number or kind; all without a word. InputError for an unknown word."""
+    """Return cases by name, number or kind; without words, all. InputError for an unknown word."""
     cases_by_word: dict[str, list[str]] = {"all": list(rows)}
     for name, row in rows.items():
         for word in dict.fromkeys((name, str(row["case"]), row["kind"])):

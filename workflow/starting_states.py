@@ -48,8 +48,8 @@ class StartingStates(Commands):
     def varied_columns(self) -> list[str]:
         """Return the columns of which the study has several values, friction apart.
 
-        They distinguish compressions of one friction. Where cases are numbered there are none:
-        compressions differ in friction alone.
+        They distinguish compressions of one friction. If cases are numbered there are no such
+        columns: compressions differ only in friction.
         """
         if self.study.settings["names"] != "":
             return []
@@ -78,8 +78,8 @@ class StartingStates(Commands):
     def committed_sample(self, case: str) -> str | None:
         """Return the finished sample that a case starts from, if there is one.
 
-        None if the sample is of another stress or friction, and for a case that has a state of its
-        own.
+        The result is None if the sample has another stress or friction, and for a case with its own
+        state.
         """
         row = self.rows[case]
         folder = self.study.settings["samples"]
@@ -104,7 +104,7 @@ class StartingStates(Commands):
         return self.committed_sample(case) or state
 
     def finished_state(self, walk: str, stress: float) -> str | None:
-        """Return the finished sample of a state that is no case; None if there is none."""
+        """Return the finished sample of a state that is not a case; None if there is none."""
         path = Path(self.study.settings["samples"]) / f"{walk}_{stress / 1e3:g}kPa.sample.h5"
         if path.exists() and not self.from_scratch:
             return str(path)
@@ -113,7 +113,7 @@ class StartingStates(Commands):
 
 @cache
 def _noted(path: Path, name: str) -> float | None:
-    """Return a number that a sample notes in its group `study`; None if it cannot be read."""
+    """Return a number from the group `study` of a sample's file; None if it cannot be read."""
     try:
         with h5py.File(path) as file:
             return float(file["study"].attrs[name])

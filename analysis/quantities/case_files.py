@@ -81,7 +81,7 @@ def v_p_theory(packing: PackingData) -> float:
 
 @case_quantity("Hz", "highest natural frequency, of a list where there is one")
 def f_max(packing: PackingData) -> Value:
-    """Measure the highest natural frequency, with its residual if a file has its mode."""
+    """Measure the highest natural frequency; a mode from a file has a residual as error."""
     lists = packing.case.read("highest.modes"), packing.case.read("modes")
     return spectrum.natural_frequency(spectrum.f_max(packing), *lists)
 
@@ -236,5 +236,5 @@ def _excess(packing: PackingData) -> Excess:
 
 
 def _steps_of_density(packing: PackingData) -> tuple[Step]:
-    """Return the search for the largest excess in a file's density of states as a step."""
+    """Return a step that describes the search for the largest excess in a file's density."""
     return (spectrum.step_of_peak(packing),)
