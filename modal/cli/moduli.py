@@ -5,6 +5,7 @@ from contextlib import suppress
 
 from modal.cli.options import Group, NewFile, Option, Options, Result, chosen_for, flag
 from modal.cli.reading import packing_of, springs
+from modal.elasticity.box import state_inside
 from modal.elasticity.cross_anisotropy import cross_anisotropy
 from modal.elasticity.depth import velocities_by_depth
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
@@ -21,6 +22,8 @@ from modal.tools.errors import InputError, UnavailableError
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 DIRECTION_HELP = "of waves, besides x, y and z; may be repeated"
 LAYERS_HELP = "in place of moduli: velocities and stress by depth, of layers along z, *.csv"
+INSIDE_HELP = "moduli of a box inside a packing of any shape, m"
+BOUNDS = ("XLO", "XHI", "YLO", "YHI", "ZLO", "ZHI")
 SOLVER_HELP = "what solves (default: the likely faster)"
 EXAMPLE = "moduli mine.network.h5 --direction 1 1 0"
 OPTIONS = (
@@ -28,6 +31,7 @@ OPTIONS = (
     Option("--direction", ("X", "Y", "Z"), DIRECTION_HELP, [], more={"action": "append"}),
     Option("--tolerance", "T", "relative error", TOLERANCE),
     Option("--layers", "FILE", LAYERS_HELP, kind=NewFile, endings=(".csv",)),
+    Option("--inside", BOUNDS, INSIDE_HELP, kind=float),
     Group("advanced", [Option("--solver", "", SOLVER_HELP, kind=SOLVERS)]),
     flag("--non-affine", "write how each sphere moves beyond the strain, too"),
 )
@@ -42,6 +46,9 @@ def run(options: Options) -> Result:
         unit_vector(tuple(vector))  # refuses a vector without length before the work
         name = " ".join(f"{x:g}" for x in vector)
         directions[name] = tuple(vector)
+    if options.inside and options.fluid:
+        problem = "--fluid with --inside"
+        raise InputError("box_alone", problem, remedy="leave one of the two out")
     network = packing_of(options, added_mass=False)
     if options.layers:
         return _layers_of(network, options)
@@ -74,17 +81,24 @@ def run(options: Options) -> Result:
     measured = IsotropicModuli(moduli.bulk_modulus, moduli.shear_modulus)
     bulk, shear = isotropic_mean(moduli.affine)
     theories = {"affine": IsotropicModuli(bulk, shear)}
-    # A packing without forces or notes on its material is compared with its own springs alone.
-    with suppress(InputError):
-        assembly = assembly_of(network)
-        theories["walton_rough"] = walton(assembly)
-        theories["walton_smooth"] = walton(assembly, rough=False)
+    if not options.inside:
+        # A packing without forces or notes on its material is compared with its springs alone.
+        with suppress(InputError):
+            assembly = assembly_of(network)
+            theories["walton_rough"] = walton(assembly)
+            theories["walton_smooth"] = walton(assembly, rough=False)
     result["theory"] = {name: _compare(measured, expected) for name, expected in theories.items()}
     if not len(moduli.soft_strains()):
         result["cross_anisotropy"] = {
             name if name.startswith("poisson") else f"{name}_pa": list(constant)
             for name, constant in cross_anisotropy(moduli)._asdict().items()
         }
+    if options.inside:
+        state = state_inside(network, options.inside)
+        if state.stress is not None:
+            result["stress_pa"] = state.stress.tolist()
+        result["void_ratio"] = state.void_ratio
+        result["coordination_number"] = state.coordination_number
     if options.fluid:
         result["saturated"] = _saturated(network, measured, options)
     return result
@@ -92,7 +106,7 @@ def run(options: Options) -> Result:
 
 def _layers_of(network: Network, options: Options) -> Result:
     """Write the velocities by depth as a table, and return the velocities."""
-    for name in ("output", "fluid", "non_affine"):
+    for name in ("output", "fluid", "non_affine", "inside"):
         if getattr(options, name):
             option = "-o" if name == "output" else f"--{name.replace('_', '-')}"
             raise InputError("layers_alone", f"--layers with {option}", remedy="leave one out")

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.elasticity.few_digits import modulus_error_by_digits
+from modal.elasticity.inside import moduli_inside
 from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
 from modal.elasticity.slab import MIN_STRAIN_SHARE, Bulk, stiffness_of
 from modal.elasticity.steady import steady_motion
@@ -95,7 +96,7 @@ class ElasticModuli(Drawn, Tabular):
     density : float
         Density of the force-bearing spheres, kg/m^3.
     region : str
-        Region of these numbers: a whole cell, the bulk of a slab, or a slab with its walls.
+        Region of these numbers: a whole cell, the bulk of a slab, a slab with its walls, or a box.
     whole : ndarray (6, 6)
         Stiffness of a slab with its walls, Pa; otherwise equal to `stiffness`.
     error : float
@@ -103,7 +104,8 @@ class ElasticModuli(Drawn, Tabular):
         to few digits or not at all, from the change under perturbed overlaps
         (`modal.elasticity.few_digits`).
     asymmetry : float
-        |C - C^T| / |C| of the stiffness measured in a bulk of finite length; 0 for other regions.
+        |C - C^T| / |C| of the stiffness measured in a bulk or a box of finite length; 0 for other
+        regions.
     products, solver : int, str
         Number of products with K, and name of the solver.
     pre_stress : str
@@ -250,7 +252,7 @@ class ElasticModuli(Drawn, Tabular):
                 "together"
             )
             remarks.append(Remark("walls_in_moduli", text))
-        if self.asymmetry > UNEVEN_ASYMMETRY:
+        if self.asymmetry > UNEVEN_ASYMMETRY and self.region == "bulk":
             text = (
                 f"not symmetric by {self.asymmetry:.1%}: the bulk is not even along z; its moduli "
                 "may be off by twice that; take a longer packing, or one whose walls hold it firmly"
@@ -288,6 +290,7 @@ def elastic_moduli(
     sliding: Sliding = "elastic",
     solver: str | None = None,
     non_affine: bool = False,
+    inside: ArrayLike | None = None,
 ) -> ElasticModuli:
     """Compute the elastic stiffness of a packing: 21 moduli, and wave velocities.
 
@@ -313,6 +316,10 @@ def elastic_moduli(
         "pardiso" or "gradients"; by default the one that is likely to be faster.
     non_affine : bool, default False
         Keep the motion of the spheres beyond the strain, without motions that cost no energy.
+    inside : ndarray (3, 2) or (6,), optional
+        Low and high x, y and z, m, of a box inside a packing of any shape, with side walls or free
+        surfaces: measure the moduli there (`modal.elasticity.inside`). Its error contains the
+        influence of the spheres around the box.
 
     Returns
     -------
@@ -340,17 +347,23 @@ def elastic_moduli(
             "outside 0 to 1",
             "it is relative to the moduli",
         )
-    moduli = _compute(
-        LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding),
-        tolerance,
-        solver,
-        non_affine,
-    )
+    if inside is not None:
+        _refuse_beside_box(pre_stress, sliding)
+        moduli = _compute_inside(network, inside, tolerance, solver, non_affine)
+    else:
+        moduli = _compute(
+            LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding),
+            tolerance,
+            solver,
+            non_affine,
+        )
     if is_exact(network):
         return moduli
 
     def measure(perturbed: Network) -> ElasticModuli:
-        return elastic_moduli(perturbed, tolerance=tolerance, sliding=sliding, solver=solver)
+        return elastic_moduli(
+            perturbed, tolerance=tolerance, sliding=sliding, solver=solver, inside=inside
+        )
 
     error_by_digits = modulus_error_by_digits(network, moduli, measure)
     return replace(moduli, error=float(np.hypot(moduli.error, error_by_digits)))
@@ -436,6 +449,40 @@ def _compute(
         pre_stress=stressed_system.pre_stress,
         stressed=stressed,
         non_affine=beyond if non_affine else None,
+    )
+
+
+def _refuse_beside_box(pre_stress: PreStress, sliding: Sliding) -> None:
+    """Raise InputError for options that a box inside a packing does not have."""
+    for name, value, only in (
+        ("pre_stress", pre_stress, "none"),
+        ("sliding", sliding, "elastic"),
+    ):
+        if value != only:
+            problem = f"{name} {value!r} beside a box (inside)"
+            raise InputError(
+                name, problem, "in a box the springs alone are known", "leave one of the two out"
+            )
+
+
+def _compute_inside(
+    network: Network, bounds: ArrayLike, tolerance: float, solver: str | None, non_affine: bool
+) -> ElasticModuli:
+    """Compute the moduli of a box inside a packing, without the error from few digits."""
+    box = moduli_inside(network, bounds, tolerance, solver)
+    measured = box.stiffness
+    stiffness = (measured + measured.T) / 2
+    return ElasticModuli(
+        stiffness=stiffness,
+        affine=box.affine,
+        density=box.density,
+        region="box",
+        whole=stiffness,
+        error=box.error,
+        asymmetry=float(np.linalg.norm(measured - measured.T) / np.linalg.norm(measured)),
+        products=box.products,
+        solver=box.solver,
+        non_affine=_without_floppy(box.system, box.motion) if non_affine else None,
     )
 
 

@@ -52,8 +52,8 @@ def has_walls(system: LinearSystem) -> bool:
             f"no strain {STRAINS[axis]} can be put on this packing",
             "it is not periodic along "
             f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z",
-            "waves "
-            "do not: `python -m modal wave` sends one from a wall, or with --plane Z from inside",
+            "`python -m modal moduli --inside XLO XHI YLO YHI ZLO ZHI` measures those of a box "
+            "inside it; `wave` sends a wave from a wall, or with --plane Z from inside",
         )
     if network.cell_periodic[2]:
         return False
@@ -62,8 +62,9 @@ def has_walls(system: LinearSystem) -> bool:
             "no_walls",
             "no strain zz can be put on this packing",
             "it is not periodic along z and does not touch two walls there",
-            "`python -m modal moduli --layers FILE.csv` measures velocities by depth; "
-            "`python -m modal wave` sends a wave from its wall, or with --plane Z from inside",
+            "`python -m modal moduli --inside XLO XHI YLO YHI ZLO ZHI` measures those of a box "
+            "inside it, --layers FILE.csv velocities by depth; `wave` sends a wave from its wall, "
+            "or with --plane Z from inside",
         )
     if system.pre_stress != "none":
         raise InputError(
