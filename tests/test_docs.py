@@ -140,6 +140,42 @@ def test_links_and_names_within_the_repository_lead_to_files():
             assert made or below or (ROOT / name).exists(), (page.name, name)
 
 
+MAX_WORDS_FOR_USERS = 14_000
+"""Words of the users' part: about an hour and a half of reading."""
+
+
+def users_pages():
+    """Return README, the index, and the pages of its tables of contents but the developers'."""
+    index = ROOT / "docs/index.md"
+    table = re.compile(r"```\{toctree\}\n:caption: ([^\n]+)\n(.*?)```", re.DOTALL)
+    contents = table.findall(index.read_text())
+    names = " ".join(rest for caption, rest in contents if caption != "For developers").split()
+    pages = [ROOT / f"docs/{name}.md" for name in names]
+    return [ROOT / "README.md", index, *(page for page in pages if page.exists())]
+
+
+def count_words(text):
+    """Count the words of sentences, lists and headings, without code blocks, tables and links."""
+    text = re.sub(r"^(`{3,}).*?^\1`*$", "", text, flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"^(    |\|).*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    return len(re.findall(r"[A-Za-z][\w'-]*", text))
+
+
+def test_words_are_counted_without_code_tables_and_links():
+    page = "# A head\n\nSee [this page](other.md): it isn't long.\n\n| a | b |\n\n    code here\n"
+    assert count_words(page) == 8
+    assert count_words(f"{page}\n```text\nmore code\n```\n\nEnd.\n") == 9
+
+
+def test_users_part_is_at_most_14000_words():
+    """Code blocks and tables are not counted, nor what a page includes from another file."""
+    pages = users_pages()
+    assert len(pages) > 15
+    words = {page.stem: count_words(page.read_text()) for page in pages}
+    assert sum(words.values()) <= MAX_WORDS_FOR_USERS, words
+
+
 def test_links_that_lead_nowhere_are_found(tmp_path):
     """The check that `.ci/site` runs on the built site, here on two small pages."""
     check = [sys.executable, str(ROOT / "docs/links.py"), str(tmp_path)]
