@@ -1,6 +1,6 @@
 """Move clumps: spheres that are rigid bodies together, in the leapfrog steps of single spheres.
 
-The centres of mass move as single spheres do (`modal.dem.motion`): strained with the cell, damped
+The centres of mass move as single spheres do (`modal.dem.leapfrog`): strained with the cell, damped
 as Cundall's local damping does. Rotations follow D. Fincham, Mol. Simul. 8, 165 (1992), as in YADE:
 angular momentum and spin are half a step ahead, and the orientation in between is predicted from
 the present spin. Without torque the angular momentum is constant to round-off.
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from modal.dem.contacts import MovingContacts
-from modal.dem.motion import advance_along_axis, damp
+from modal.dem.leapfrog import Step, advance_along_axis, damp
 from modal.packing.sample import Sample
 from modal.tools.arrays import Floats
 
@@ -82,26 +82,17 @@ class ClumpMotion:
         sums = [np.bincount(self._body, column, count) for column in on_spheres.T]
         return np.column_stack(sums)
 
-    def advance(
-        self, velocity: Floats, rates_before: Floats, rates: Floats, dt: float, damping: float
-    ) -> None:
-        """Move all clumps and their spheres by one leapfrog step `dt`, s.
+    def advance(self, velocity: Floats, step: Step) -> None:
+        """Move all clumps and their spheres by one leapfrog step.
 
-        `velocity` (n, 6) of the spheres is updated in place; the other arguments are described at
-        `modal.dem.motion.advance_by_arrays`.
+        `velocity` (n, 6) of the spheres is updated in place.
         """
+        dt = step.dt
         load = self.loads()
-        self.centre, self.velocity, self._residue = advance_along_axis(
-            self.centre,
-            self.velocity,
-            self._residue,
-            load[:, :3] / self._mass,
-            rates_before,
-            rates,
-            dt,
-            damping,
-        )
-        angular_acceleration = damp(load[:, 3:] / self._mean_moment, self._spin, dt, damping)
+        motion = (self.centre, self.velocity, self._residue)
+        acceleration = load[:, :3] / self._mass
+        self.centre, self.velocity, self._residue = advance_along_axis(motion, acceleration, step)
+        angular_acceleration = damp(load[:, 3:] / self._mean_moment, self._spin, dt, step.damping)
         torque = angular_acceleration * self._mean_moment
         present_spin = self._spin_of(self.angular_momentum + 0.5 * dt * torque, self._rotation)
         halfway = Rotation.from_rotvec(0.5 * dt * present_spin).as_matrix() @ self._rotation
@@ -111,7 +102,7 @@ class ClumpMotion:
         contacts = self._contacts
         contacts.arm = np.einsum("nij,nj->ni", self._rotation[self._body], self._local_arm)
         position = self.centre[self._body] + contacts.arm
-        position += self._image * contacts.lengths * (1 + dt * rates)
+        position += self._image * contacts.lengths * (1 + dt * step.rates)
         velocity[:, :3] = (position - contacts.position) / dt
         velocity[:, 3:] = self._spin[self._body]
         contacts.position[:] = position

@@ -1,11 +1,9 @@
-"""Move spheres between two walls: leapfrog steps in a cell that is strained, with damping.
+"""Move spheres between two walls: forces, strain rates of the cell, and steps of leapfrog.
 
-One step is that of YADE: forces at the present positions, strain rates from the control, then
-`NewtonIntegrator` in a homothetic cell. Velocities include the motion of the cell, strain rate
-times position, and jump when the rate changes; Cundall's local damping acts on the motion relative
-to the cell (in YADE's form, with the half step of the acceleration). The walls are the faces of
-boxes, one radius thick to each side of their centres, which move with the cell along z and do not
-move along x and y. A cell without walls is periodic along z, too.
+One step is that of YADE: forces at the present positions, strain rates from the control, then a
+step of leapfrog (`modal.dem.leapfrog`). The walls are the faces of boxes, one radius thick to each
+side of their centres, which move with the cell along z and do not move along x and y. A cell
+without walls is periodic along z, too.
 """
 
 from __future__ import annotations
@@ -15,11 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from modal.dem.clump_motion import ClumpMotion
 from modal.dem.contact_step import LEAN, PERIODS, SOURCE, TURN
 from modal.dem.contacts import SKIN, MovingContacts
+from modal.dem.leapfrog import SphereMotion, Step, advance_by_loop
 from modal.packing.sample import Sample
 from modal.tools.arrays import Floats
-from modal.tools.loops import by_parts, elementwise
 
 STIFFNESS_PER_MASS = 0.3
 """Squared time step of dynamic relaxation times the sum of kn of a sphere, divided by the sphere's
@@ -32,80 +31,6 @@ must not be too light when they meet others."""
 LOCAL_DAMPING = 0.3
 AT_REST = np.zeros(3)
 """Strain rates of a cell that does not deform."""
-
-
-@elementwise
-def damp(acceleration, velocity, dt, damping):
-    """Return an acceleration after local damping; the velocity is relative to the cell."""
-    work = acceleration * (velocity + 0.5 * dt * acceleration)
-    # The sign of the work is random: without a branch the processor guesses nothing wrongly.
-    return acceleration * (1 - damping * (1.0 * (work > 0) - (work < 0)))
-
-
-@elementwise
-def advance_along_axis(x, v, residue, acceleration, rate_before, rate, dt, damping):
-    """Return position, m, velocity, m/s, and rounding residue, m, a step later, along an axis.
-
-    The arguments are those of `advance_by_arrays`.
-    """
-    acceleration = damp(acceleration, v - rate_before * x, dt, damping)
-    v = v + dt * (acceleration + rate_before * v)
-    v = v + (rate - rate_before) * x
-    path = dt * v + residue
-    return x + path, v, path - ((x + path) - x)
-
-
-def _advance_part(
-    first, last, _, position, velocity, load, rates_before, rates, dt, damping, masses, residue
-):  # fmt: skip
-    """Move the spheres from `first` to `last` - 1 by one leapfrog step.
-
-    Arguments are single arrays, because loops over threads take no named tuples.
-    """
-    for i in range(first, last):
-        inverse_mass = 1 / masses[i, 0]
-        inverse_inertia = 1 / masses[i, 1]
-        for axis in range(3):
-            x, v, left = advance_along_axis(
-                position[i, axis],
-                velocity[i, axis],
-                residue[i, axis],
-                load[i, axis] * inverse_mass,
-                rates_before[axis],
-                rates[axis],
-                dt,
-                damping,
-            )
-            position[i, axis] = x
-            velocity[i, axis] = v
-            residue[i, axis] = left
-            spin = velocity[i, 3 + axis]
-            twist = load[i, 3 + axis] * inverse_inertia
-            velocity[i, 3 + axis] = spin + dt * damp(twist, spin, dt, damping)
-
-
-def advance_by_arrays(
-    position, velocity, load, rates_before, rates, dt, damping, masses, residue
-):  # fmt: skip
-    """Move spheres by one step of leapfrog; the compiled loop does the same.
-
-    Positions (n, 3), m, velocities (n, 6), m/s and rad/s, and `residue` (n, 3), m, are updated in
-    place; `load` (n, 6), N and N m, strain rates (3,), 1/s, before and from now on, `masses` (n,
-    2), kg and kg m^2. The residue is the rounding error of the displacements so far. Normal forces
-    follow the positions, shear forces the velocities. Without the residue the two would differ, and
-    the energy would not balance (by 2e-3 of a wave's energy at 0.25 nm).
-    """
-    velocities = velocity[:, :3]
-    spin = velocity[:, 3:]
-    acceleration = load[:, :3] / masses[:, :1]
-    twist = load[:, 3:] / masses[:, 1:]
-    position[:], velocities[:], residue[:] = advance_along_axis(
-        position, velocities, residue, acceleration, rates_before, rates, dt, damping
-    )
-    spin += dt * damp(twist, spin, dt, damping)
-
-
-advance_by_loop = by_parts(_advance_part, advance_by_arrays)
 
 
 Control = Callable[[Floats], Floats]
@@ -134,17 +59,9 @@ class DampedMotion:
         least = MIN_STIFFNESS_RATIO * stiffness.mean()
         mass = np.maximum(stiffness, least) / STIFFNESS_PER_MASS
         masses = np.column_stack([mass, 0.4 * mass * contacts.radius**2])
-        advance_by_loop(
-            contacts.position,
-            self.velocity,
-            contacts.load,
-            AT_REST,
-            AT_REST,
-            1.0,
-            LOCAL_DAMPING,
-            masses,
-            self._residue,
-        )
+        motion = SphereMotion(contacts.position, self.velocity, self._residue)
+        step = Step(AT_REST, AT_REST, 1.0, LOCAL_DAMPING)
+        advance_by_loop(contacts.load, masses, motion, step)
         contacts.touch(self.velocity, 1.0)
 
 
@@ -234,8 +151,6 @@ class Dynamics:
         self.masses = np.column_stack(sample.masses)
         self.clumps = None
         if sample.clumps is not None:
-            from modal.dem.clump_motion import ClumpMotion  # which needs this module
-
             self.clumps = ClumpMotion(sample, self.contacts, self.velocity, self.rates)
 
     def place_source(self, displacement: Floats) -> None:
@@ -308,20 +223,12 @@ class Dynamics:
         faces: Floats | float = 0.0
         if not contacts.periodic_z:
             faces = np.array([self._start.radius, -self._start.radius])
+        step = Step(self.rates, rates, dt, self.damping)
         if self.clumps is not None:
-            self.clumps.advance(self.velocity, self.rates, rates, dt, self.damping)
+            self.clumps.advance(self.velocity, step)
         else:
-            advance_by_loop(
-                contacts.position,
-                self.velocity,
-                contacts.load,
-                self.rates,
-                rates,
-                dt,
-                self.damping,
-                self.masses,
-                self._residue,
-            )
+            motion = SphereMotion(contacts.position, self.velocity, self._residue)
+            advance_by_loop(contacts.load, self.masses, motion, step)
         contacts.walls += dt * rates[2] * (contacts.walls - faces)
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()

@@ -8,6 +8,7 @@ The distance of the walls is one of the lengths: walls move homothetically with 
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -96,7 +97,28 @@ def sums_by_arrays(velocity: Floats, force: Floats, sums: Floats) -> None:
     sums[0] = power, velocity_square, force_square, abs(velocity).max(), abs(force).max()
 
 
-def _descend_some(first, last, _, position, velocity, force, keep, gain, stretch, dt):
+class DescentStep(NamedTuple):
+    """One step of the descent.
+
+    Attributes
+    ----------
+    keep, gain : float
+        Factors of velocity and force: the velocity becomes keep v + gain F.
+    stretch : ndarray (3,)
+        Factors by which positions are multiplied before spheres move.
+    dt : float
+        Length of the step; masses are 1.
+    """
+
+    keep: float
+    gain: float
+    stretch: Floats
+    dt: float
+
+
+def _descend_some(first, last, _, position, velocity, force, *fields):
+    """Do what `descend_by_arrays` does for the spheres from `first` to `last` - 1."""
+    keep, gain, stretch, dt = fields
     for i in range(first, last):
         for axis in range(3):
             v = keep * velocity[i, axis] + gain * force[i, axis]
@@ -104,15 +126,15 @@ def _descend_some(first, last, _, position, velocity, force, keep, gain, stretch
             position[i, axis] = stretch[axis] * position[i, axis] + dt * v
 
 
-def descend_by_arrays(position, velocity, force, keep, gain, stretch, dt):
+def descend_by_arrays(position: Floats, velocity: Floats, force: Floats, step: DescentStep) -> None:
     """Set velocities (n, 3) to keep v + gain F, and move positions (n, 3) by them.
 
-    Positions are first multiplied by `stretch` (3,). The compiled loop does the same.
+    The compiled loop does the same.
     """
-    velocity *= keep
-    velocity += gain * force
-    position *= stretch
-    position += dt * velocity
+    velocity *= step.keep
+    velocity += step.gain * force
+    position *= step.stretch
+    position += step.dt * velocity
 
 
 sums_by_loop = by_parts(_sums_of_some, sums_by_arrays)
@@ -214,7 +236,7 @@ class Descent:
                 dt = min(STEP_GROWTH * dt, limit)
                 self._mixing = MIXING_FACTOR * self._mixing
         elif self.steps:
-            self._move(1.0, 0.0, np.exp(-0.5 * dt * drift / self._scale), -0.5 * dt)
+            self._move(DescentStep(1.0, 0.0, np.exp(-0.5 * dt * drift / self._scale), -0.5 * dt))
             self._downhill_steps = 0
             self._mixing = FIRST_MIXING
             dt = 0.5 * dt
@@ -228,16 +250,17 @@ class Descent:
             MAX_STEP_STRAIN / max(max_strain, TINY),
         )
         self._drift *= share
-        self._move(share * keep, share * gain, np.exp(dt * self._drift / self._scale), dt)
+        stretch = np.exp(dt * self._drift / self._scale)
+        self._move(DescentStep(share * keep, share * gain, stretch, dt))
         self._dt = dt
         contacts.touch()
 
-    def _move(self, keep: float, gain: float, stretch: Floats, dt: float) -> None:
-        """Stretch the cell by `stretch` (3,), update velocities and move spheres along them."""
+    def _move(self, step: DescentStep) -> None:
+        """Stretch the cell, update the velocities, and move the spheres along them."""
         contacts = self.contacts
-        contacts.side *= stretch[:2]
-        contacts.walls *= stretch[2]
-        descend_by_loop(contacts.position, self.velocity, contacts.load, keep, gain, stretch, dt)
+        contacts.side *= step.stretch[:2]
+        contacts.walls *= step.stretch[2]
+        descend_by_loop(contacts.position, self.velocity, contacts.load, step)
 
     def stress(self) -> Floats:
         """Return the principal stresses (3,), Pa, compression positive."""

@@ -177,13 +177,25 @@ def by_parts(part_loop: Loop, by_arrays: Loop) -> Loop:
     """Return a compiled loop over spheres whose parts may share the cores, or else `by_arrays`.
 
     `part_loop` is called with the first sphere of a part, the sphere after its last, the number of
-    the part, and the arguments of the loop, the first of which has a row for each sphere.
+    the part, and the arguments of the loop, the first of which has a row for each sphere. It gets
+    the fields of a named tuple as single arguments: loops over threads take no tuples.
     """
     if numba is None:
         return by_arrays
     checksum = fingerprint(sys.modules[part_loop.__module__])
     replacements = {"_part_loop": compiled_part(part_loop, checksum)}
-    return compiled(_by_parts, 0, f"{part_loop.__name__}_{checksum}", replacements)
+    loop_of_fields = compiled(_by_parts, 0, f"{part_loop.__name__}_{checksum}", replacements)
+
+    def loop(*args: Any) -> Any:
+        fields: list[Any] = []
+        for argument in args:
+            if isinstance(argument, tuple):
+                fields.extend(argument)
+            else:
+                fields.append(argument)
+        return loop_of_fields(*fields)
+
+    return loop
 
 
 def _part_loop(first, last, part, *args):

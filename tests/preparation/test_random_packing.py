@@ -120,8 +120,8 @@ def test_compiled_steps_of_a_descent_are_those_of_numpy(spheres):
     for descend in (frictionless.descend_by_loop, frictionless.descend_by_arrays):
         moved_position = position.copy()
         moved_velocity = velocity.copy()
-        stretch = np.array([1.1, 1.0, 0.8])
-        descend(moved_position, moved_velocity, force, 0.9, 0.2, stretch, 0.3)
+        step = frictionless.DescentStep(0.9, 0.2, np.array([1.1, 1.0, 0.8]), 0.3)
+        descend(moved_position, moved_velocity, force, step)
         results.append(np.hstack([moved_position, moved_velocity]))
     assert results[0] == pytest.approx(results[1], rel=1e-13, abs=1e-14)
 
