@@ -359,7 +359,6 @@ def product_of(
     groups: tuple[str, ...] = (),
     others: str = "",
     versions: tuple[int, ...] = (1,),
-    since: Mapping[str, int] = MappingProxyType({}),
 ) -> Product:
     """Return the file format of a dataclass.
 
@@ -375,7 +374,7 @@ def product_of(
         if each.default is not MISSING:
             defaults[each.name] = each.default
     all_columns = columns_of(table) | dict(columns)
-    return Product(schema, all_columns, all_attributes, defaults, groups, others, versions, since)
+    return Product(schema, all_columns, all_attributes, defaults, groups, others, versions)
 
 
 def _to_integers(name: str, data: Array, *, keep_width: bool) -> Array:

@@ -17,7 +17,7 @@ from modal.modes.counts import check_count
 from modal.modes.first_order import decay_rates as decay_rates
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
-from modal.solvers.arnoldi import eigenpairs
+from modal.solvers.arnoldi import ArnoldiSettings, Shift, eigenpairs
 from modal.solvers.factor import factorise
 from modal.solvers.lanczos import SEED
 from modal.system.assembly import stiffness_matrix
@@ -224,11 +224,8 @@ def _find_rates_near(
         invert(start),
         count,
         oscillates,
-        inverse=invert,
-        sigma=shift,
-        ask=count,
-        basis=max(MIN_BASIS_VECTORS, 4 * count),
-        tolerance=1e-10,
+        ArnoldiSettings(count, basis=max(MIN_BASIS_VECTORS, 4 * count), tolerance=1e-10),
+        Shift(shift, invert),
         what=f"modes near {near:g} Hz",
     )
     solves.close()

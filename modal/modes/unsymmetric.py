@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from modal.modes.mode_set import Choice, ModeSet, certificate
 from modal.modes.observables import Piece, found_modes
 from modal.modes.zero_modes import by_structure
-from modal.solvers.arnoldi import eigenpairs
+from modal.solvers.arnoldi import ArnoldiSettings, Shift, eigenpairs
 from modal.solvers.factor import factorise
 from modal.solvers.lanczos import start_block
 from modal.system.linear_system import LinearSystem, frequency_of
@@ -62,16 +62,16 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
     is_floppy = np.asarray(floppy.basis.sum(axis=1)).ravel() != 0
     rows = system.free_rows[~is_floppy[system.free_rows]]
     A = system.dynamical_matrix[rows][:, rows].tocsc()
-    sigma = None
-    inverse = None
+    shift = None
     if choice.kind == "lowest":
         sigma = -SHIFT_BELOW_ZERO * system.diagonal.max()
-        inverse = factorise(
+        factor = factorise(
             (A - sigma * sp.identity(len(rows))).tocsr(),
             symmetric=False,
             solver=system.solver,
             remedy="take pre-stress normal or a smaller packing",
-        ).solve
+        )
+        shift = Shift(sigma, factor.solve)
 
     def is_elastic(square: Array) -> Bools:
         return real_part(square) > system.zero_threshold
@@ -81,10 +81,8 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
         start_block(len(rows), 1)[:, 0],
         count,
         is_elastic,
-        ask=count + EXTRA_MODES,
-        basis=0,
-        inverse=inverse,
-        sigma=sigma,
+        ArnoldiSettings(first_count=count + EXTRA_MODES),
+        shift,
     )
     square, vector = real_spectrum(complex_square, complex_vector)
     listed = choice.part(frequency_of(square), system.zero_frequency)

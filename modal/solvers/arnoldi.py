@@ -5,6 +5,7 @@ Sorensen, C. Yang, ARPACK Users' Guide, SIAM 1998).
 """
 
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
@@ -12,17 +13,47 @@ from modal.tools.arrays import Array, Bools
 from modal.tools.errors import UnavailableError
 
 
+class Shift(NamedTuple):
+    """A shift about which eigenpairs are sought.
+
+    Attributes
+    ----------
+    sigma : complex
+        The shift.
+    inverse : callable
+        Applies (A - sigma)^-1.
+    """
+
+    sigma: complex
+    inverse: Callable[[Array], Array]
+
+
+class ArnoldiSettings(NamedTuple):
+    """Sizes of the search by Arnoldi's method.
+
+    Attributes
+    ----------
+    first_count : int
+        Number of eigenpairs of the first search. It is doubled while too few are wanted.
+    basis : int
+        Least number of vectors in the basis.
+    tolerance : float
+        Residual divided by the eigenvalue; 0 stands for round-off.
+    """
+
+    first_count: int
+    basis: int = 0
+    tolerance: float = 0.0
+
+
 def eigenpairs(
     apply: Callable[[Array], Array],
     start: Array,
     count: int,
     wanted: Callable[[Array], Bools],
+    settings: ArnoldiSettings,
+    shift: Shift | None = None,
     *,
-    inverse: Callable[[Array], Array] | None = None,
-    sigma: complex | None = None,
-    ask: int,
-    basis: int,
-    tolerance: float = 0.0,
     what: str = "modes",
 ) -> tuple[Array, Array]:
     """Return eigenpairs that include at least `count` wanted ones, or all that exist.
@@ -37,17 +68,10 @@ def eigenpairs(
         Number of wanted eigenpairs.
     wanted : callable
         Function that returns which of the eigenvalues (k,) are wanted, as bool (k,).
-    inverse : callable, optional
-        Function that applies (A - sigma)^-1. With it the eigenvalues nearest to `sigma` are found,
-        without it those of largest absolute value.
-    sigma : complex, optional
-        The shift.
-    ask : int
-        Number of eigenpairs in the first search. It is doubled while too few of them are wanted.
-    basis : int
-        Least number of vectors in the basis.
-    tolerance : float
-        Residual divided by the eigenvalue; 0 stands for round-off.
+    settings : ArnoldiSettings
+        Sizes of the search.
+    shift : Shift, optional
+        The eigenvalues nearest to it are found; without it, those of largest size.
     what : str
         Name of the eigenpairs for an error message.
 
@@ -64,23 +88,27 @@ def eigenpairs(
     """
     shape = (len(start), len(start))
     operator = LinearOperator(shape, apply, dtype=start.dtype)
-    options = {}
-    if inverse is not None:
-        options["OPinv"] = LinearOperator(shape, inverse, dtype=start.dtype)
+    options: dict[str, Any] = {}
+    if shift is not None:
+        options["sigma"] = shift.sigma
+        options["OPinv"] = LinearOperator(shape, shift.inverse, dtype=start.dtype)
     max_eigenpairs = len(start) - 2
+    n_sought = settings.first_count
     while True:
-        ask = min(ask, max_eigenpairs)
-        basis_size = min(len(start), max(basis, 3 * ask + 20))
+        n_sought = min(n_sought, max_eigenpairs)
+        basis_size = min(len(start), max(settings.basis, 3 * n_sought + 20))
         try:
             eigenvalues, vectors = eigs(
-                operator, ask, sigma=sigma, v0=start, ncv=basis_size, tol=tolerance, **options
+                operator, n_sought, v0=start, ncv=basis_size, tol=settings.tolerance, **options
             )
         except ArpackError as error:
             # ArpackNoConvergence holds the eigenvalues that did converge.
             converged = len(getattr(error, "eigenvalues", ()))
             raise UnavailableError(
-                "not_converged", f"{converged} of {ask} {what} converged", remedy="ask for fewer"
+                "not_converged",
+                f"{converged} of {n_sought} {what} converged",
+                remedy="ask for fewer",
             ) from error
-        if wanted(eigenvalues).sum() >= count or ask == max_eigenpairs:
+        if wanted(eigenvalues).sum() >= count or n_sought == max_eigenpairs:
             return eigenvalues, vectors
-        ask *= 2
+        n_sought *= 2

@@ -7,11 +7,6 @@ is of second order, so that the difference of two runs whose steps differ by a f
 r^2 - 1, is the error of the finer run. Where contacts slide or open the order may be lower; the
 reported error is then only an estimate, the last difference divided by r^2 - 1.
 
-Sources are those of the linear wave: the source wall, flat or of held spheres, a plane between
-spheres that opens, a sphere that a force pushes or a torque turns, a disc of spheres that move
-together or are pushed. In torsion a wall turns about z as a body. For a plane, everything below it
-turns, and is computed in the turning frame.
-
 The energy is balanced: the work of the source is kinetic energy, energy stored in contacts, or
 energy dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and
 work by the trapezoidal rule, leapfrog conserves the sum except for the change of stiffness within a
@@ -25,21 +20,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.packing.ends import rough_wall
 from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
-from modal.system.imposed import TURN
 from modal.system.linear_system import LinearSystem
-from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.discs import Disc
+from modal.waves.driven_dynamics import DrivenDynamics, DrivenSample
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.motions import Motion
 from modal.waves.receivers import Receivers
-from modal.waves.signals import COMPONENT, TORSION, Direction, Wave, record_times
-from modal.waves.sources import Source, hold_own_bodies
+from modal.waves.signals import Direction, Wave, record_times
+from modal.waves.sources import Source
 
 NONLINEAR_TOLERANCE = 1e-3
 """Default error of the time step, relative to the largest recorded displacement. The number of
@@ -187,34 +181,13 @@ class NonlinearRuns:
         self.receivers = Receivers(
             self.network, self.direction, particles=self.particles, discs=self.discs
         )
-        # Building the source's motion and load refuses a source that the packing does not have.
-        self.source_moves = self.source.imposed(self.network, self.direction) is not None
-        if self.source_moves and self.direction == TORSION and self.sample.periodic_z:
-            raise InputError(
-                "torsion_of_periods",
-                "a period along z does not turn",
-                remedy="take a cell between walls, a sphere as the source, or the linear wave",
-            )
-        self.moved_sample = self._hold_own_bodies()
-        self.load = self.source.load(self.network, self.direction).reshape(-1, 6)
+        self.start = DrivenSample(self.sample, self.network, self.source, self.direction)
         self.system = LinearSystem(self.network)
         spectral_bound = self.system.spectral_bound
         self.max_time_step = math.inf
         if spectral_bound > 0:
             self.max_time_step = 2 / math.sqrt(spectral_bound)
         self.coarsest = math.ceil(self.interval / (FIRST_STEP_OVER_LIMIT * self.max_time_step))
-
-    def _hold_own_bodies(self) -> Sample:
-        """Return the sample with the source's own bodies held."""
-        held = hold_own_bodies(self.network, self.source)
-        if held is self.network:
-            return self.sample
-        return replace(self.sample, fixed=held.fixed)
-
-    @property
-    def component(self) -> int:
-        """Index, 0 to 5, of the recorded motion among the six motions of a sphere."""
-        return COMPONENT[self.direction]
 
     def compute_wave(self, tolerance: float, time_step: float | None) -> NonlinearWave:
         """Compute the wave within the `tolerance`, or in steps of at most `time_step`, s.
@@ -273,7 +246,7 @@ class NonlinearRuns:
         time_step = self.interval / steps_per_record
         steps = steps_per_record * (n_records - 1)
         # The rows of the receivers read one component of the motion alone.
-        reading = self.receivers.rows[:, self.component :: 6].tocsr()
+        reading = self.receivers.rows[:, self.start.component :: 6].tocsr()
         refuse_endless(
             f"a wave of {self.time[-1]:g} s in steps of {time_step:.3g} s",
             self.system.renumbered,
@@ -284,7 +257,7 @@ class NonlinearRuns:
         source_motion = np.zeros(steps + 1)
         if driven:
             source_motion = self.motion.displacement(time_step * np.arange(steps + 1, dtype=float))
-        dynamics = _DrivenDynamics(self, time_step, source_motion)
+        dynamics = DrivenDynamics(self.start, time_step, source_motion)
         motion = np.empty((n_records, reading.shape[0]))
         forces = np.empty((n_records, 2))
         energy = np.empty((n_records, 4))
@@ -312,7 +285,7 @@ class NonlinearRuns:
         dissipated[rows[in_network]] = slip_energy[in_network]
         stresses = []
         columns = []
-        if self.source_moves:
+        if self.start.source_moves:
             stresses.append("source_stress")
             columns.append(0)
         if self.receivers.walls:
@@ -352,7 +325,7 @@ class NonlinearRuns:
         elastic = kinetic + stored
         # How far a force compresses contacts is not known beforehand: any share of their overlap.
         amplitude = math.inf
-        if self.source_moves:
+        if self.start.source_moves:
             amplitude = self.motion.amplitude
         limit = math.nan
         if not slid:
@@ -381,101 +354,3 @@ def _step_error(fine: NonlinearWave, coarse: NonlinearWave, ratio: float) -> flo
         return 0.0
     difference = abs(fine.displacements - coarse.displacements).max(initial=0.0)
     return float(difference / largest / (ratio**2 - 1))
-
-
-class _DrivenDynamics:
-    """The dynamics of a sample whose source moves or pushes, and the work of the source.
-
-    `source_motion` (steps + 1,) is the source's displacement, m, or force, N, at each step.
-    """
-
-    def __init__(self, runs: NonlinearRuns, time_step: float, source_motion: Floats) -> None:
-        from modal.dem.motion import Dynamics  # not at import: linear waves need none of its loops
-
-        self.runs = runs
-        self.time_step = time_step
-        self.source_motion = source_motion
-        self.dynamics = Dynamics(runs.moved_sample, track_energy=True)
-        self.dynamics.moves_flat_wall = runs.source.moves_flat_wall
-        self.dynamics.axis = runs.network.cell_size[:2] / 2
-        self.dynamics.carried = runs.source.carried(runs.network)
-        self.own_bodies = runs.source.own_bodies(runs.network)
-        self.contacts = self.dynamics.contacts
-        self.inertia = np.repeat(self.dynamics.masses, 3, axis=1)
-        self.rotation = np.zeros(len(self.inertia))
-        self.work = 0.0
-        self.source_force = 0.0
-
-    @property
-    def velocity(self) -> Floats:
-        """Velocities (n, 6), m/s and rad/s, half a step ahead."""
-        return self.dynamics.velocity
-
-    @property
-    def turns(self) -> bool:
-        """True if turns are recorded, not displacements."""
-        return self.runs.component > 2
-
-    def displacement(self, k: int) -> Floats:
-        """Return the recorded component of the motion (n,), m or rad, at step k."""
-        moved = self.rotation.copy()
-        if not self.turns:
-            moved = self.dynamics.displacement()[:, self.runs.component]
-        moved[self.own_bodies] = self.source_motion[k]
-        return moved
-
-    def step(self, k: int) -> None:
-        """Take step k, with the source at its place at that time, and add up its work."""
-        if self.runs.source_moves:
-            self._step_moved(k)
-        else:
-            self._step_pushed(k)
-        if self.turns:
-            self.rotation += self.time_step * self.velocity[:, self.runs.component]
-
-    def _step_moved(self, k: int) -> None:
-        """Take step k of a source that moves.
-
-        The work of the source is computed with the mean of the forces at both ends of the step.
-        """
-        component = self.runs.component
-        self.dynamics.place_source(self.source_motion[k] * np.eye(6)[component])
-        self.dynamics.step(self.time_step)
-        force = float(self.dynamics.holding_load()[component])
-        if k:
-            path = self.source_motion[k] - self.source_motion[k - 1]
-            self.work += 0.5 * (self.source_force + force) * path
-        self.source_force = force
-
-    def _step_pushed(self, k: int) -> None:
-        """Take step k of a source of force; its work is computed with the mean force."""
-        if k:
-            path = self.time_step * float((self.runs.load * self.velocity).sum())
-            self.work += 0.5 * (self.source_motion[k - 1] + self.source_motion[k]) * path
-        self.dynamics.push = self.source_motion[k] * self.runs.load
-        self.dynamics.step(self.time_step)
-
-    def energy(self, velocity_behind: Floats) -> tuple[float, float, float, float]:
-        """Return work, kinetic energy, energy stored in contacts and energy dissipated by slip, J.
-
-        `velocity_behind` (n, 6) are the velocities half a step before the state.
-        """
-        stored = self.contacts.elastic_energy + float(self.contacts.work[:, 0].sum())
-        kinetic = 0.5 * float((self.inertia * velocity_behind * self.velocity).sum())
-        return self.work, kinetic, stored, self.contacts.slipped
-
-    def wall_forces(self) -> tuple[float, float]:
-        """Return the force that holds the source and that on the receiver wall, N or N m."""
-        component = self.runs.component
-        bodies = rough_wall(self.runs.network, "receiver")
-        if not len(bodies):
-            return self.source_force, self.contacts.on_walls[1, component]
-        return self.source_force, self._force_on_held(bodies, component)
-
-    def _force_on_held(self, bodies: Ints, component: int) -> float:
-        """Return the force, N, or the torque about z, N m, on held spheres with given indices."""
-        load = self.contacts.on_held[bodies]
-        if component != TURN:
-            return float(load[:, component].sum())
-        x, y = (self.contacts.position[bodies, :2] - self.dynamics.axis).T
-        return float((x * load[:, 1] - y * load[:, 0] + load[:, 5]).sum())

@@ -3,7 +3,7 @@
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, overload
+from typing import Literal, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from modal.tools.errors import InputError
 from modal.waves.defaults import default_interval, default_pulse
 from modal.waves.discs import Disc
 from modal.waves.forced_system import ForcedSystem
-from modal.waves.integrators import by_polynomials, by_series
+from modal.waves.integrators import Integration, by_polynomials
 from modal.waves.motions import Motion
 from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearRuns, NonlinearWave, sample_at_rest
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Direction, Wave
 from modal.waves.sources import Source, default_source, direction_of, hold_own_bodies
+from modal.waves.taylor_series import by_series
 
 LINEAR_TOLERANCE = 1e-9
 """Default error of a linear wave, relative to the largest record. The number of products with K
@@ -58,23 +59,43 @@ class LinearWave(Wave):
     repeats: int = 1
 
 
+class WaveOptions(TypedDict, total=False):
+    """Options of a wave of either kind; `propagate` documents them."""
+
+    source: Source | None
+    motion: Motion | None
+    interval: float | None
+    tolerance: float | None
+    particles: bool
+    direction: Direction | None
+    receivers: Sequence[Disc]
+    time_step: float | None
+
+
+class LinearOptions(WaveOptions, total=False):
+    """Options of a linear wave."""
+
+    pre_stress: PreStress
+    sliding: Sliding
+    damping: ContactDamping | None
+    whole: bool
+
+
+class NonlinearOptions(WaveOptions, total=False):
+    """Options of a non-linear wave."""
+
+    friction: float | None
+    rolling: float | None
+    twisting: float | None
+
+
 @overload
 def propagate(
     network: Network | Sample,
     duration: float,
     *,
     nonlinear: Literal[True],
-    source: Source | None = None,
-    motion: Motion | None = None,
-    interval: float | None = None,
-    tolerance: float | None = None,
-    particles: bool = False,
-    direction: Direction | None = None,
-    receivers: Sequence[Disc] = (),
-    time_step: float | None = None,
-    friction: float | None = None,
-    rolling: float | None = None,
-    twisting: float | None = None,
+    **options: Unpack[NonlinearOptions],
 ) -> NonlinearWave: ...
 
 
@@ -84,18 +105,7 @@ def propagate(
     duration: float,
     *,
     nonlinear: Literal[False] = False,
-    source: Source | None = None,
-    motion: Motion | None = None,
-    interval: float | None = None,
-    tolerance: float | None = None,
-    pre_stress: PreStress = "none",
-    sliding: Sliding = "elastic",
-    particles: bool = False,
-    direction: Direction | None = None,
-    receivers: Sequence[Disc] = (),
-    damping: ContactDamping | None = None,
-    whole: bool = False,
-    time_step: float | None = None,
+    **options: Unpack[LinearOptions],
 ) -> LinearWave: ...
 
 
@@ -196,7 +206,8 @@ def propagate(
     >>> wave = propagate(modal.fcc(cells=(1, 1, 30)), duration=5e-5)
     >>> wave.signals.chain_displacement.shape
     (51, 30)
-    >>> from modal.waves.sources import Plane
+    >>> from modal.waves.taylor_series import by_series
+    from modal.waves.sources import Plane
     >>> endless = modal.fcc(cells=(1, 1, 40), periodic_z=True)
     >>> shear = propagate(endless, 2e-5, source=Plane(endless.length / 2), direction="x")
     >>> shear.signals.layer_displacement.shape
@@ -244,9 +255,8 @@ def propagate(
         hold_own_bodies(network, source), pre_stress=pre_stress, sliding=sliding, damping=damping
     )
     readings = Receivers(network, direction, particles=particles, discs=receivers)
-    (wave,) = _linear_waves(
-        system, source, [motion], readings, duration, interval, error, time_step, whole=whole
-    )
+    integration = Integration(duration, interval, error, time_step)
+    (wave,) = _linear_waves(system, source, [motion], readings, integration, whole=whole)
     return wave
 
 
@@ -307,7 +317,8 @@ def propagate_motions(
         )
     system = LinearSystem.of(hold_own_bodies(network, source))
     readings = Receivers(network, direction, discs=receivers)
-    return _linear_waves(system, source, motions, readings, duration, interval, tolerance)
+    integration = Integration(duration, interval, tolerance)
+    return _linear_waves(system, source, motions, readings, integration)
 
 
 def _linear_waves(
@@ -315,22 +326,21 @@ def _linear_waves(
     source: Source,
     motions: Sequence[Motion],
     readings: Receivers,
-    duration: float,
-    interval: float,
-    tolerance: float,
-    time_step: float | None = None,
+    integration: Integration,
     *,
     whole: bool = False,
 ) -> list[LinearWave]:
-    """Compute the linear waves of several motions; the arguments are those of `propagate`."""
+    """Compute the waves of some motions of a source; `whole` is that of `propagate`."""
     started = clock.perf_counter()
+    duration = integration.duration
+    tolerance = integration.tolerance
     forced = ForcedSystem.of(system, source, readings, duration, tolerance, whole=whole)
-    if forced.dashpots and time_step is None:
+    if forced.dashpots and integration.time_step is None:
         records = []
         for motion in motions:
-            records.append(by_series(forced, motion, duration, interval, tolerance))
+            records.append(by_series(forced, motion, integration))
     else:
-        records = by_polynomials(forced, motions, duration, interval, tolerance, time_step)
+        records = by_polynomials(forced, motions, integration)
     waves = []
     part = forced.part
     for motion, record in zip(motions, records, strict=True):
@@ -341,7 +351,7 @@ def _linear_waves(
             source,
             forced.stresses,
             producer="linear",
-            time_step=time_step or interval,
+            time_step=integration.time_step or integration.interval,
             run_time=clock.perf_counter() - started,
         )
         error = record.error + part.difference
