@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.packing import state
-from modal.packing.checks import force_ratio
+from modal.packing.contact_checks import force_ratio
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Floats

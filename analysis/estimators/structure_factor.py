@@ -26,9 +26,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from analysis.estimators.fits import PowerLaw, power_law, summit
-from modal.formats.product import product_of, stored
+from modal.formats.column import stored
+from modal.formats.product import product_of
 from modal.formats.provenance import Provenance
-from modal.modes.density import FULL_WIDTH, block_width, moments_of
+from modal.modes.density import FULL_WIDTH
+from modal.modes.moments import block_width, moments_of
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.solvers.chebyshev import jackson

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 from modal.elasticity.slab import MOTION_TOLERANCE
 from modal.elasticity.steady import steady_motion
-from modal.formats.product import stored
+from modal.formats.column import stored
 from modal.formats.tables import Tabular, html_table
 from modal.packing.ends import bodies_at_end, end_heights, has_two_ends
 from modal.packing.network import Network

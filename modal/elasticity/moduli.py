@@ -25,7 +25,8 @@ from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
 from modal.elasticity.slab import MIN_STRAIN_SHARE, Bulk, stiffness_of
 from modal.elasticity.steady import steady_motion
 from modal.elasticity.strain import STRAINS, UNIT_STRAINS, has_walls, stressed_stiffness
-from modal.formats.product import Column, product_of, stored
+from modal.formats.column import Column, stored
+from modal.formats.product import product_of
 from modal.formats.provenance import Provenance
 from modal.formats.tables import Tabular, html_table, load_optional
 from modal.modes.zero_modes import by_structure

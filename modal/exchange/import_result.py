@@ -16,7 +16,7 @@ from modal.exchange.law import ContactLaws, ProgramLaw
 from modal.exchange.particles_and_contacts import Contacts, Packing, PairLaw
 from modal.exchange.refusals import refuse
 from modal.formats.hdf5 import named
-from modal.packing.checks import MAX_GAP_IN_SUMS_OF_RADII
+from modal.packing.contact_checks import MAX_GAP_IN_SUMS_OF_RADII
 from modal.packing.neighbours import ContactList
 from modal.packing.network import Network
 from modal.packing.precision import MAX_OVERLAP_ERROR, NOTED_OVERLAP_ERROR, OVERLAP_ERROR

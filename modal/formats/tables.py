@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from modal.formats.product import columns_of
+from modal.formats.column import columns_of
 from modal.tools.arrays import Array
 from modal.tools.errors import UnavailableError
 

@@ -17,24 +17,22 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import eigh
 
-from modal.formats.product import Column, Product
+from modal.formats.column import Column
+from modal.formats.product import Product
 from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
 from modal.modes.counts import count_below
+from modal.modes.moments import block_width, exact_moments, moments_of, multiplied_vectors
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
-from modal.solvers.chebyshev import WIDTHS, chebyshev, jackson
-from modal.solvers.spectrum import largest_growth
+from modal.solvers.chebyshev import jackson
 from modal.system.contacts import PreStress, Sliding
 from modal.system.linear_system import LinearSystem
-from modal.system.operator import ContactOperator, component_sums
 from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Floats
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError, UnavailableError
-from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 
 FILE_COLUMNS: dict[str, Any] = {"all": 6, "translation": slice(0, 3), "rotation": slice(3, 6)}
@@ -68,8 +66,6 @@ FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 """Full width at half height of a Gaussian, divided by the standard deviation."""
 FREQUENCIES_TOGETHER = 256
 """Number of frequencies evaluated at a time, which bounds the memory."""
-MAX_BLOCK_NUMBERS = 2**24
-"""Largest number of entries of a block of vectors that are multiplied together."""
 DENSE_PAYS = 4
 """Degrees of freedom, divided by the number of random vectors, up to which the whole spectrum takes
 less time than the products with the vectors."""
@@ -333,7 +329,7 @@ def _estimate(
         )
     floppy = every_floppy(system) if counting else by_structure(system)
     if exact:
-        moments, at_zero = _exact_moments(system, top, count)
+        moments, at_zero = exact_moments(system, top, count)
         return DensityOfStates(moments, highest, at_zero, resolution, products)
     zero_modes = floppy.basis
     network = system.network
@@ -354,7 +350,7 @@ def _estimate(
         start -= zero_modes @ (zero_modes.T @ start)
         label = f"density {some.stop}/{vectors}"
         moments[some] = moments_of(system.renumbered, start, top, count, label)[:n_vectors]
-    products += _multiplied_vectors(size, vectors) * (1 + count // 2)
+    products += multiplied_vectors(size, vectors) * (1 + count // 2)
     return DensityOfStates(moments, highest, at_zero, resolution, products, floppy.counted)
 
 
@@ -376,7 +372,7 @@ def _refuse_endless(
         numbers = size * (count + 4 * size)
     else:
         width = block_width(size)
-        products = _multiplied_vectors(size, vectors) * count / 2
+        products = multiplied_vectors(size, vectors) * count / 2
         numbers = 6 * (vectors + width) * count + (2 + 3 * width) * size
     refuse_endless(
         f"a density with resolution {resolution:g} Hz and tolerance {tolerance:g}",
@@ -385,63 +381,6 @@ def _refuse_endless(
         bytes_needed=8 * numbers,
         remedy="take a coarser one",
     )
-
-
-def _multiplied_vectors(size: int, vectors: int) -> int:
-    """Return the number of vectors after rounding `vectors` up to whole blocks."""
-    width = block_width(size)
-    return width * int(np.ceil(vectors / width))
-
-
-def _exact_moments(system: LinearSystem, top: float, count: int) -> tuple[Floats, Floats]:
-    """Compute the traces of elastic modes, (1, 6, count), and the shares of zero modes, (6,)."""
-    rows = system.free_rows
-    square, vector = eigh(system.dynamical_matrix[rows][:, rows].toarray(), overwrite_a=True)
-    at_zero = square <= system.zero_threshold
-    angle = np.arccos(np.clip(2 * square[~at_zero] / top - 1, -1, 1))
-    component = rows % 6
-    share = np.array([(vector[component == k] ** 2).sum(axis=0) for k in range(6)])
-    moments = share[:, ~at_zero] @ np.cos(angle[:, None] * np.arange(count))
-    return moments[None], share[:, at_zero].sum(axis=1)
-
-
-def block_width(size: int) -> int:
-    """Return how many vectors (size,) are multiplied together."""
-    return max(1, min(WIDTHS[0], MAX_BLOCK_NUMBERS // size))
-
-
-def moments_of(
-    operator: ContactOperator, start: Floats, top: float, count: int, label: str
-) -> Floats:
-    """Compute <r| P_c T_j(X) |r> for start vectors r (6n, k), components c and j < count.
-
-    The shape is (k, 6, count); `start` may be overwritten. One product gives two moments, since
-    tr P_c T_j T_k = tr T_j P_c T_k and 2 T_j T_k = T_(j+k) + T_|j-k|. Raises InputError if the
-    spectrum is not within 0 to `top`.
-    """
-    n_vectors = start.shape[1]
-    moments = np.empty((n_vectors, 6, count + 2))
-    sums = np.empty((2, 6, n_vectors))
-    orders = chebyshev(operator, operator.inward(start), 2 / top, -1.0, sums)
-    before = next(orders)
-    now = next(orders)
-    for k in progress(count // 2, label):
-        # The next step sums T_k r times itself, and times `now` = T_(k+1) r.
-        before = now
-        now = next(orders)
-        if k == 0:
-            moments[:, :, :2] = sums.T
-        else:
-            moments[:, :, 2 * k : 2 * k + 2] = 2 * sums.T - moments[:, :, :2]
-    last = 2 * (count // 2)
-    moments[:, :, last] = 2 * component_sums(before, now)[0].T - moments[:, :, 0]
-    first_sum = moments[:, :, 0].sum(axis=1)
-    last_sum = moments[:, :, last].sum(axis=1)
-    if not (abs(last_sum) <= largest_growth(operator, last) * first_sum).all():
-        raise UnavailableError(
-            "not_converged", "the top of the spectrum was not found", remedy="ask with another seed"
-        )
-    return moments[:, :, :count]
 
 
 def write_density(

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 
+from modal.formats.column import stored
 from modal.formats.hdf5 import complete
-from modal.formats.product import product_of, stored
+from modal.formats.product import product_of
 from modal.formats.provenance import Provenance
 from modal.formats.tables import MAX_HTML_ROWS, Tabular, html_table
 from modal.packing.network import Network

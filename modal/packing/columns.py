@@ -8,7 +8,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from modal.formats.attributes import number_noted
-from modal.formats.product import columns_of, stored
+from modal.formats.column import columns_of, stored
 from modal.formats.provenance import NETWORK_SCHEMA
 from modal.tools.arrays import Array, Bools, Floats, Ints
 

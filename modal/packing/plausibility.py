@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.linalg import norm
 
-from modal.packing.checks import density_of, force_ratio, stiffness_ratio
+from modal.packing.checks import density_of
+from modal.packing.contact_checks import force_ratio, stiffness_ratio
 from modal.packing.missing_contacts import (
     least_overlap,
     missing_contacts,

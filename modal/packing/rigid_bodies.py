@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.packing.checks import Fault, refuse_first
+from modal.packing.faults import Fault, refuse_first
 from modal.packing.network import Network
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError

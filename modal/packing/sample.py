@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from modal.formats.column import Column, columns_of
 from modal.formats.hdf5 import named
-from modal.formats.product import Column, Product, columns_of
-from modal.packing.checks import Fault, Faults, refuse_first
+from modal.formats.product import Product
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, YOUNG_RANGE_PA, Material
+from modal.packing.faults import Fault, Faults, refuse_first
 from modal.packing.noted_laws import ELASTIC, WALL_ELASTIC, wall_material
 from modal.packing.sample_of_network import sample_of_network as sample_of_network
 from modal.packing.sphere_sample import MAKE_AGAIN

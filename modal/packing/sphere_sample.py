@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from modal.formats.product import stored
+from modal.formats.column import stored
 from modal.packing.clumps import Clumps
 from modal.packing.columns import frozen
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Elasticity, Material

@@ -24,8 +24,9 @@ from typing import Annotated, Any
 import numpy as np
 import scipy.sparse as sp
 
+from modal.formats.column import Column
 from modal.formats.hdf5 import complete
-from modal.formats.product import Column, product_of
+from modal.formats.product import product_of
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.solvers.factor import factorise

@@ -16,8 +16,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from modal.formats.attributes import read_attributes
+from modal.formats.column import Column
 from modal.formats.hdf5 import complete, open_h5
-from modal.formats.product import Column, Product, product_of
+from modal.formats.product import Product, product_of
 from modal.formats.provenance import Provenance
 from modal.formats.tables import Tabular
 from modal.tools.arrays import Floats, Ints

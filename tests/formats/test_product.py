@@ -8,7 +8,8 @@ import pytest
 from refusals import refusal
 
 from modal.formats import hdf5
-from modal.formats.product import Column, Product
+from modal.formats.column import Column
+from modal.formats.product import Product
 from modal.tools.errors import InputError
 
 TABLE = Product(

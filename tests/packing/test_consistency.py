@@ -12,8 +12,8 @@ from changes import levers_of_radii, permuted, times
 from refusals import refusal
 
 from modal.packing import crystal as gallery
-from modal.packing.checks import _check_pairs
 from modal.packing.columns import COLUMNS
+from modal.packing.contact_checks import check_pairs
 from modal.packing.network import Network, read_network, write_network
 from modal.packing.plausibility import examine
 from modal.packing.sample import Sample
@@ -320,7 +320,7 @@ def test_pairs_of_a_hundred_thousand_spheres_are_told_apart():
         particle_j=np.array([70_000, 70_000], np.int32),
         cell_shift=np.zeros((2, 3), np.int8),
     )
-    assert not list(_check_pairs(network))
+    assert not list(check_pairs(network))
 
 
 def two_spheres(overlap: float) -> Network:

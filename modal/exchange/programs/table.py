@@ -41,7 +41,7 @@ from modal.exchange.sphere_table import (
 from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
 from modal.exchange.words import Words
 from modal.formats.hdf5 import named
-from modal.packing.checks import check_force_ratio
+from modal.packing.contact_checks import check_force_ratio
 from modal.tools.arrays import Ints
 
 NAME = "tables (*.csv)"
