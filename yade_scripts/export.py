@@ -69,8 +69,9 @@ def is_unbound(phys):
 def describe_rotation_springs(contacts):
     """Return stiffnesses (m,) against rolling and twisting, N m/rad; empty if no contact has them.
 
-    Cohesive-frictional contacts have them while they hold, if `momentRotationLaw` is set, and all
-    of them with the law's `always_use_moment_law`. The limits of their moments are not examined.
+    Cohesive-frictional contacts have these stiffnesses if `momentRotationLaw` is set: unbroken
+    contacts always, broken ones only with the law's `always_use_moment_law`. The limits of their
+    moments are not examined.
     """
     is_always_active = _uses_moment_law_always()
     resists = np.array([getattr(c.phys, "momentRotationLaw", False) for c in contacts], bool)

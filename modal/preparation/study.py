@@ -274,7 +274,7 @@ class Study:
 
     @property
     def cloud_fraction(self) -> float:
-        """Solid fraction of the cloud: that of spheres for the spheres that enclose clumps."""
+        """Solid fraction of the cloud; spheres that enclose clumps are as dense as single ones."""
         if self.template is None:
             return CLOUD_FRACTION
         around = 4 / 3 * math.pi * self.template.reach**3

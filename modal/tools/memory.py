@@ -168,7 +168,7 @@ def _options(after: str) -> list[str]:
 
 
 def _plain(word: str) -> str:
-    """Return a path of mountinfo with its blanks, which it writes as octal numbers."""
+    """Return a path of mountinfo with blanks in place of their octal codes."""
     return re.sub(r"\\(\d{3})", lambda octal: chr(int(octal[1], 8)), word)
 
 
