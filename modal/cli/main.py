@@ -30,6 +30,7 @@ from modal.tools.workload import out_of_memory
 COMMANDS = (
     "pack",
     "relax",
+    "cement",
     "info",
     "modes",
     "count",

@@ -14,10 +14,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from modal.dem.clump_places import ClumpPlaces
 from modal.dem.contacts import MovingContacts
 from modal.dem.leapfrog import Step, advance_along_axis, damp
 from modal.packing.sample import Sample
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Floats, Ints
 
 
 class ClumpMotion:
@@ -36,10 +37,12 @@ class ClumpMotion:
 
     Attributes
     ----------
-    centre, velocity : ndarray (k, 3)
-        Position, m, and velocity, m/s, of the centres of mass.
+    velocity : ndarray (k, 3)
+        Velocities of the centres of mass, m/s.
     angular_momentum : ndarray (k, 3)
         Angular momentum of the clumps, kg m^2/s.
+    push : ndarray (k, 6) or None
+        Forces and torques of a source on the clumps, N and N m.
     """
 
     def __init__(
@@ -48,39 +51,48 @@ class ClumpMotion:
         clumps = sample.clumps
         assert clumps is not None
         self._contacts = contacts
-        self._body = clumps.body
+        self._places = ClumpPlaces(contacts)
         self._mass = clumps.mass[:, None]
-        self._moments, axes = np.linalg.eigh(clumps.tensor)
+        self._moments, self._axes = np.linalg.eigh(clumps.tensor)
         self._mean_moment = self._moments.mean(axis=1)[:, None]
-        self._rotation = axes
-        self._local_arm = np.einsum("nji,nj->ni", axes[self._body], clumps.arm)
         first = clumps.first_members
-        self.centre = contacts.position[first] - clumps.arm[first]
-        # Each sphere lies in the cell, perhaps as another image than that at its clump's centre.
-        from_centre = contacts.position - self.centre[self._body] - clumps.arm
-        self._image = np.round(from_centre / contacts.lengths)
         self._spin = velocity[first, 3:].copy()
         self.velocity = velocity[first, :3] - np.cross(self._spin, clumps.arm[first])
         self.angular_momentum = np.einsum("nij,nj->ni", clumps.tensor, self._spin)
         self._residue = np.zeros(self.centre.shape)
-        contacts.arm = clumps.arm.copy()
+        self._start = self.centre.copy()
+        self.push: Floats | None = None
 
     @property
-    def tensor(self) -> Floats:
-        """Tensors of inertia (k, 3, 3) in the axes of the packing, kg m^2."""
-        return np.einsum("kia,ka,kja->kij", self._rotation, self._moments, self._rotation)
+    def centre(self) -> Floats:
+        """Positions (k, 3) of the centres of mass, m."""
+        return self._places.centre
 
-    def loads(self) -> Floats:
-        """Return the force and torque (k, 6), N and N m, of the last contacts on each clump."""
-        arm = self._contacts.arm
-        assert arm is not None
-        load = self._contacts.load
-        force = load[:, :3]
-        torque = load[:, 3:] + np.cross(arm, force)
-        on_spheres = np.hstack([force, torque])
-        count = len(self._mass)
-        sums = [np.bincount(self._body, column, count) for column in on_spheres.T]
-        return np.column_stack(sums)
+    @property
+    def velocities(self) -> Floats:
+        """Velocities of the centres and spins (k, 6), m/s and rad/s, half a step ahead."""
+        return np.hstack([self.velocity, self._spin])
+
+    def spheres_carried(self, grains: Ints) -> Ints:
+        """Return the indices of the spheres that the source carries with these clumps."""
+        return self._places.spheres_carried(grains)
+
+    def carry(self, grains: Ints, displacement: Floats) -> None:
+        """Move the centres of clumps, by their indices, by a `displacement` (3,), m."""
+        self._places.centre[grains] += displacement
+
+    def displacement(self) -> Floats:
+        """Return the displacements (k, 3), m, of the centres from their positions at the start."""
+        return self.centre - self._start
+
+    def kinetic_energy(self, before: Floats, after: Floats) -> float:
+        """Return the kinetic energy, J, from the `velocities` (k, 6) before and after a state."""
+        translation = (self._mass * before[:, :3] * after[:, :3]).sum()
+        axes = self._places.rotation @ self._axes
+        local_before = np.einsum("kia,ki->ka", axes, before[:, 3:])
+        local_after = np.einsum("kia,ki->ka", axes, after[:, 3:])
+        rotation = (self._moments * local_before * local_after).sum()
+        return 0.5 * float(translation + rotation)
 
     def advance(self, velocity: Floats, step: Step) -> None:
         """Move all clumps and their spheres by one leapfrog step.
@@ -88,27 +100,26 @@ class ClumpMotion:
         `velocity` (n, 6) of the spheres is updated in place.
         """
         dt = step.dt
-        load = self.loads()
-        motion = (self.centre, self.velocity, self._residue)
+        load = self._contacts.grain_load
+        if self.push is not None:
+            load = load + self.push
+        places = self._places
+        motion = (places.centre, self.velocity, self._residue)
         acceleration = load[:, :3] / self._mass
-        self.centre, self.velocity, self._residue = advance_along_axis(motion, acceleration, step)
+        places.centre, self.velocity, self._residue = advance_along_axis(motion, acceleration, step)
         angular_acceleration = damp(load[:, 3:] / self._mean_moment, self._spin, dt, step.damping)
         torque = angular_acceleration * self._mean_moment
-        present_spin = self._spin_of(self.angular_momentum + 0.5 * dt * torque, self._rotation)
-        halfway = Rotation.from_rotvec(0.5 * dt * present_spin).as_matrix() @ self._rotation
+        present_spin = self._spin_of(self.angular_momentum + 0.5 * dt * torque, places.rotation)
+        halfway = Rotation.from_rotvec(0.5 * dt * present_spin).as_matrix() @ places.rotation
         self.angular_momentum += dt * torque
         self._spin = self._spin_of(self.angular_momentum, halfway)
-        self._rotation = Rotation.from_rotvec(dt * self._spin).as_matrix() @ self._rotation
-        contacts = self._contacts
-        contacts.arm = np.einsum("nij,nj->ni", self._rotation[self._body], self._local_arm)
-        position = self.centre[self._body] + contacts.arm
-        position += self._image * contacts.lengths * (1 + dt * step.rates)
-        velocity[:, :3] = (position - contacts.position) / dt
-        velocity[:, 3:] = self._spin[self._body]
-        contacts.position[:] = position
+        places.turn(dt * self._spin)
+        velocity[:, :3] = places.place_spheres(dt, 1 + dt * step.rates)
+        velocity[:, 3:] = self._spin[places.body]
 
     def _spin_of(self, angular_momentum: Floats, rotation: Floats) -> Floats:
-        """Return the spins (k, 3), rad/s, of bodies with given angular momenta and orientations."""
-        local = np.einsum("kia,ki->ka", rotation, angular_momentum) / self._moments
-        spin: Floats = np.einsum("kia,ka->ki", rotation, local)
+        """Return the spins (k, 3), rad/s, of bodies with these momenta and rotations."""
+        axes = rotation @ self._axes
+        local = np.einsum("kia,ki->ka", axes, angular_momentum) / self._moments
+        spin: Floats = np.einsum("kia,ka->ki", axes, local)
         return spin

@@ -104,6 +104,10 @@ class MovingContacts:
         Radii, m; `largest` and `smallest` are their extremes.
     max_step : float
         Largest displacement of a sphere in one step, m; infinite by default.
+    body : ndarray of int (n,) or None
+        Number of each sphere's clump, if the grains are clumps.
+    rotation : ndarray (k, 3, 3) or None
+        Rotation of each clump from its orientation in the sample.
     arm : ndarray (n, 3) or None
         Vector from the centre of mass of its clump to each sphere, m.
     load : ndarray (n, 6) or (n, 3)
@@ -159,7 +163,9 @@ class MovingContacts:
         pair_gap, wall_gap = sample.rupture_distances
         self._gap = max(pair_gap / 2, wall_gap) / self.largest
         self.position = sample.position.copy()
+        self.body = sample.body
         self.arm = None if sample.arm is None else sample.arm.copy()
+        self.rotation = None if sample.body is None else np.tile(np.eye(3), (sample.grains, 1, 1))
         self.load = np.zeros((n, 6 if history else 3))
         self.on_held = np.zeros((n, 6 if history else 3))
         self.stiffness = np.zeros(n if stiffness else 0)
@@ -200,8 +206,8 @@ class MovingContacts:
         inside[:, 2] -= self.walls[0]
         skin = self.largest * (self.skin + self._gap)
         ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.periodic_z)
-        if self._sample.body is not None:
-            body = self._sample.body
+        body = self.body
+        if body is not None:
             outer = (body[ends[:, 0]] != body[np.maximum(ends[:, 1], 0)]) | (ends[:, 1] < 0)
             ends = ends[outer]
             shift = shift[outer]
@@ -360,10 +366,30 @@ class MovingContacts:
         return stress
 
     def unbalanced(self) -> float:
-        """Return mean net force on a sphere divided by mean contact force; inf without contacts."""
+        """Return mean net force on a grain divided by mean contact force; inf without contacts."""
         if self.touching == 0:
             return math.inf
-        return float(np.sqrt((self.load[:, :3] ** 2).sum(axis=1)).mean() / self.mean_contact)
+        net_force = np.sqrt((self.grain_load[:, :3] ** 2).sum(axis=1))
+        return float(net_force.mean() / self.mean_contact)
+
+    @property
+    def grain_load(self) -> Floats:
+        """Net force, N, and torque, N m, on each grain (k, 6): spheres, or clumps."""
+        if self.body is None or self.arm is None:
+            return self.load
+        force = self.load[:, :3]
+        torque = self.load[:, 3:] + np.cross(self.arm, force)
+        columns = np.hstack([force, torque]).T
+        return np.column_stack([np.bincount(self.body, column) for column in columns])
+
+    @property
+    def grain_radius(self) -> Floats:
+        """Radii (k,), m, of spheres of the volumes of the grains."""
+        mass = self._sample.body_mass
+        if mass is None:
+            return self.radius
+        radius: Floats = np.cbrt(mass / self._sample.material.density / (4 / 3 * np.pi))
+        return radius
 
     def level_shear(self) -> None:
         """Subtract from every shear force its part along the contact normal.
@@ -427,6 +453,10 @@ class MovingContacts:
             angular_velocity=None,
             strain_rate=None,
         )
+        tensor = self._sample.body_tensor
+        if tensor is not None and self.rotation is not None:
+            turned = self.rotation @ tensor @ self.rotation.transpose(0, 2, 1)
+            bare = replace(bare, arm=self.arm, body_tensor=turned)
         if not self._history:
             return bare
         i, j = self._ends.T.astype(int)

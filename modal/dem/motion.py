@@ -18,7 +18,7 @@ from modal.dem.contact_step import LEAN, PERIODS, SOURCE, TURN
 from modal.dem.contacts import SKIN, MovingContacts
 from modal.dem.leapfrog import SphereMotion, Step, advance_by_loop
 from modal.packing.sample import Sample
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Floats, Ints
 
 STIFFNESS_PER_MASS = 0.3
 """Squared time step of dynamic relaxation times the sum of kn of a sphere, divided by the sphere's
@@ -34,6 +34,13 @@ AT_REST = np.zeros(3)
 
 
 Control = Callable[[Floats], Floats]
+
+
+def relaxation_masses(stiffness: Floats) -> Floats:
+    """Return the masses (n,) with which spheres of these stiffnesses (n,) move in steps of 1."""
+    least = MIN_STIFFNESS_RATIO * stiffness.mean()
+    mass: Floats = np.maximum(stiffness, least) / STIFFNESS_PER_MASS
+    return mass
 
 
 class DampedMotion:
@@ -55,9 +62,7 @@ class DampedMotion:
     def step(self) -> None:
         """Move all spheres by one time step, which is 1."""
         contacts = self.contacts
-        stiffness = contacts.stiffness
-        least = MIN_STIFFNESS_RATIO * stiffness.mean()
-        mass = np.maximum(stiffness, least) / STIFFNESS_PER_MASS
+        mass = relaxation_masses(contacts.stiffness)
         masses = np.column_stack([mass, 0.4 * mass * contacts.radius**2])
         motion = SphereMotion(contacts.position, self.velocity, self._residue)
         step = Step(AT_REST, AT_REST, 1.0, LOCAL_DAMPING)
@@ -110,8 +115,8 @@ class Dynamics:
         x and y, m, of the line along z about which the source wall turns.
     clumps : ClumpMotion or None
         The clumps that the spheres are parts of.
-    push : ndarray (n, 6) or None
-        Forces and torques of a source on spheres, N and N m.
+    push : ndarray (k, 6) or None
+        Forces and torques of a source on the grains, N and N m.
     """
 
     def __init__(
@@ -136,6 +141,7 @@ class Dynamics:
         self._source_step = np.zeros(6)
         self.axis = np.zeros(2)
         self.carried = np.zeros(0, int)
+        self._carried_grains = self.carried
         self.moves_flat_wall = True
         self.push: Floats | None = None
         self._start = sample
@@ -152,6 +158,16 @@ class Dynamics:
         self.clumps = None
         if sample.clumps is not None:
             self.clumps = ClumpMotion(sample, self.contacts, self.velocity, self.rates)
+
+    def carry(self, grains: Ints) -> None:
+        """Let the source wall take grains along, spheres or clumps, by their indices (k,).
+
+        A plane opens between these and all others.
+        """
+        self._carried_grains = grains
+        self.carried = grains
+        if self.clumps is not None:
+            self.carried = self.clumps.spheres_carried(grains)
 
     def place_source(self, displacement: Floats) -> None:
         """Move the source wall of a cell at rest to a `displacement` (6,) from its first place.
@@ -171,14 +187,35 @@ class Dynamics:
             position[:, :2] = self.axis + (position[:, :2] - self.axis) @ rotation
             self.velocity[self.carried, :2] = self.velocity[self.carried, :2] @ rotation
         contacts.position[self.carried] = position
+        if self.clumps is not None:
+            self.clumps.carry(self._carried_grains, self._source_step[:3])
         if contacts.periodic_z and self.moves_flat_wall:
             contacts.lean = -displacement[:2]
 
     def displacement(self) -> Floats:
-        """Return the displacements (n, 3), m; for `carried` spheres relative to the source wall."""
+        """Return the displacements (k, 3), m, of the grains, spheres or the centres of clumps.
+
+        Those of carried grains are relative to the source wall.
+        """
         moved: Floats = self.contacts.position - self._start.position
-        moved[self.carried] -= self._source_displacement[:3]
+        if self.clumps is not None:
+            moved = self.clumps.displacement()
+        moved[self._carried_grains] -= self._source_displacement[:3]
         return moved
+
+    @property
+    def grain_velocity(self) -> Floats:
+        """Velocities (k, 6), m/s and rad/s, of the grains, spheres or clumps, half a step ahead."""
+        if self.clumps is not None:
+            return self.clumps.velocities
+        return self.velocity
+
+    def kinetic_energy(self, before: Floats, after: Floats) -> float:
+        """Return the kinetic energy, J, from `grain_velocity` (k, 6) before and after a state."""
+        if self.clumps is not None:
+            return self.clumps.kinetic_energy(before, after)
+        inertia = np.repeat(self.masses, 3, axis=1)
+        return 0.5 * float((inertia * before * after).sum())
 
     def holding_load(self) -> Floats:
         """Return the force, N, and the torque, N m, (6,) that hold the source wall in its place.
@@ -212,7 +249,9 @@ class Dynamics:
         """Do one step of `dt`, s; a `control` sets the strain rates."""
         self.find_forces(dt)
         contacts = self.contacts
-        if self.push is not None:
+        if self.clumps is not None:
+            self.clumps.push = self.push
+        elif self.push is not None:
             contacts.load += self.push
             if self._start.fixed is not None:
                 contacts.load[self._start.fixed] = 0.0
@@ -264,11 +303,8 @@ class Dynamics:
         return self.contacts.stress()
 
     def unbalanced(self) -> float:
-        """Return mean net force on a sphere divided by mean contact force, shear included."""
-        if self.clumps is None or not self.contacts.touching:
-            return self.contacts.unbalanced()
-        net_force = np.linalg.norm(self.clumps.loads()[:, :3], axis=1)
-        return float(net_force.mean() / self.contacts.mean_contact)
+        """Return mean net force on a grain divided by mean contact force, shear included."""
+        return self.contacts.unbalanced()
 
     def sample(self, *, moving: bool) -> Sample:
         """Return the sample as it is now; if `moving`, with its velocities and strain rate.
@@ -278,8 +314,6 @@ class Dynamics:
         """
         self.find_forces(0.0)
         sample = self.contacts.sample()
-        if self.clumps is not None:
-            sample = replace(sample, arm=self.contacts.arm, body_tensor=self.clumps.tensor)
         if not moving:
             return sample
         # Velocities contain the motion of the cell: that of another image differs by its share.

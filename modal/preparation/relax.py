@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.dem.clump_relaxation import DampedClumps
 from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
 from modal.formats.attributes import number_noted
@@ -185,7 +186,6 @@ def relax(
         If there is no friction or no contact, if the sample loses its contacts, or if it does not
         come to rest.
     """
-    sample.refuse_clumps("rest")
     limit = friction_at_rest(sample, mobilised=mobilised)
     contacts = MovingContacts(sample, limit)
     if contacts.touching == 0:
@@ -198,7 +198,7 @@ def relax(
     round_off = ROUND_OFF_FACTOR * np.finfo(float).eps
     attainable = float(round_off * contacts.lengths[2] / overlap)
     goal = max(tolerance, attainable)
-    motion = DampedMotion(contacts)
+    motion = _damped_motion(contacts)
     schedule = _ElasticSchedule()
     for step in range(max_steps + 1):
         if contacts.touching == 0:
@@ -222,7 +222,7 @@ def relax(
                 schedule.record(state, accepted=moved_contacts is not None)
                 if moved_contacts is not None:
                     contacts = moved_contacts
-                    motion = DampedMotion(contacts)
+                    motion = _damped_motion(contacts)
         motion.step()
     relaxed = contacts.sample()
     state = measure_equilibrium(relaxed, step)
@@ -237,6 +237,13 @@ def relax(
     state.attainable = attainable
     state.at_rest = state.within(goal)
     return relaxed, state
+
+
+def _damped_motion(contacts: MovingContacts) -> DampedMotion | DampedClumps:
+    """Return the dynamic relaxation of the grains: spheres, or clumps."""
+    if contacts.body is None:
+        return DampedMotion(contacts)
+    return DampedClumps(contacts)
 
 
 def friction_at_rest(sample: Sample, *, mobilised: bool = False) -> float:
@@ -299,7 +306,10 @@ def _take_elastic_step(contacts: MovingContacts, state: Equilibrium) -> MovingCo
     if motion is None:
         return None
     moved_contacts = MovingContacts(sample, contacts.friction)
-    moved_contacts.move(motion)
+    if moved_contacts.body is None:
+        moved_contacts.move(motion)
+    else:
+        DampedClumps(moved_contacts).move(motion)
     if not moved_contacts.touching:
         return None
     if _measure_moving(moved_contacts, state.steps).residual < state.residual:
@@ -309,7 +319,8 @@ def _take_elastic_step(contacts: MovingContacts, state: Equilibrium) -> MovingCo
 
 def _measure_moving(contacts: MovingContacts, step: int) -> Equilibrium:
     """Return the balance of moving contacts, without `friction_used`."""
-    net_force = sizes_of_loads(contacts.load, contacts.radius) / contacts.mean_force
+    loads = sizes_of_loads(contacts.grain_load, contacts.grain_radius)
+    net_force = loads / contacts.mean_force
     return Equilibrium(
         residual=float(net_force.mean()),
         largest=float(net_force.max()),
@@ -321,15 +332,16 @@ def _measure_moving(contacts: MovingContacts, step: int) -> Equilibrium:
 
 
 def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
-    """Return the motion (n, 6), m and rad, that brings the contacts' springs into balance.
+    """Return the motion (k, 6), m and rad, of grains that balances the contacts' springs.
 
-    `sample` is the present state of `contacts`. No sphere moves further than
+    `sample` is the present state of `contacts`. No grain moves further than
     `MAX_DISPLACEMENT_OVERLAPS` median overlaps; rotations count as arcs. Returns None if too many
-    spheres are excluded, or if the solver does not converge. The caller checks whether the forces
+    grains are excluded, or if the solver does not converge. The caller checks whether the forces
     of the contact law are nearer to balance after the motion.
     """
     network = sample.network()
     system = LinearSystem(network)
+    load = contacts.grain_load
     median_overlap = float(np.median(abs(network.require("overlap", "rest"))))
     max_displacement = MAX_DISPLACEMENT_OVERLAPS * median_overlap
     is_sliding = friction_used(network, contacts.friction) > SLIDING_SHARE
@@ -340,7 +352,7 @@ def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
         if excluded.mean() > MAX_EXCLUDED_SHARE:
             return None
         try:
-            motion = _solve_balance(system, np.where(excluded[:, None], 0.0, contacts.load))
+            motion = _solve_balance(system, np.where(excluded[:, None], 0.0, load))
         except InputError:
             return None  # stiffnesses that differ too much for the solver: damped motion goes on
         arc = motion[:, 3:] * network.radius[:, None]

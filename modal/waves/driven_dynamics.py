@@ -1,4 +1,4 @@
-"""Move the spheres of a sample while a source moves or pushes, and add up the work of the source.
+"""Move the grains of a sample while a source moves or pushes, and add up the work of the source.
 
 Sources are those of the linear wave: the source wall, flat or of held spheres, a plane between
 spheres that opens, a sphere that a force pushes or a torque turns, a disc of spheres that move
@@ -42,6 +42,13 @@ class DrivenSample:
                 remedy="take a cell between walls, a sphere as the source, or the linear wave",
             )
         _ = self.load
+        self._refuse_clumps_of_the_source()
+
+    def _refuse_clumps_of_the_source(self) -> None:
+        """Raise UnavailableError for clumps that would be the source, or turn with it as a body."""
+        turned = self.direction == TORSION and len(self.source.carried(self.network))
+        if turned or len(self.source.own_bodies(self.network)):
+            self.sample.refuse_clumps("the non-linear wave, from this source,")
 
     @cached_property
     def source_moves(self) -> bool:
@@ -82,18 +89,17 @@ class DrivenDynamics:
         self.dynamics = Dynamics(start.held_sample, track_energy=True)
         self.dynamics.moves_flat_wall = start.source.moves_flat_wall
         self.dynamics.axis = start.network.cell_size[:2] / 2
-        self.dynamics.carried = start.source.carried(start.network)
+        self.dynamics.carry(start.source.carried(start.network))
         self.own_bodies = start.source.own_bodies(start.network)
         self.contacts = self.dynamics.contacts
-        self.inertia = np.repeat(self.dynamics.masses, 3, axis=1)
-        self.rotation = np.zeros(len(self.inertia))
+        self.rotation = np.zeros(start.network.n_particles)
         self.work = 0.0
         self.source_force = 0.0
 
     @property
     def velocity(self) -> Floats:
-        """Velocities (n, 6), m/s and rad/s, half a step ahead."""
-        return self.dynamics.velocity
+        """Velocities (n, 6) of the network's bodies, m/s and rad/s, half a step ahead."""
+        return self.dynamics.grain_velocity
 
     @property
     def turns(self) -> bool:
@@ -145,7 +151,7 @@ class DrivenDynamics:
         `velocity_behind` (n, 6) are the velocities half a step before the state.
         """
         stored = self.contacts.elastic_energy + float(self.contacts.work[:, 0].sum())
-        kinetic = 0.5 * float((self.inertia * velocity_behind * self.velocity).sum())
+        kinetic = self.dynamics.kinetic_energy(velocity_behind, self.velocity)
         return self.work, kinetic, stored, self.contacts.slipped
 
     def wall_forces(self) -> tuple[float, float]:

@@ -146,7 +146,12 @@ def _with_friction(sample: Sample | Network, friction: float | None) -> Sample:
                 remedy="give friction",
             )
         return sample_of_network(sample, friction)
-    sample.refuse_clumps("the non-linear wave")
+    if sample.body is not None and sample.fixed is not None:
+        raise UnavailableError(
+            "held_bodies",
+            "the non-linear wave of held clumps",
+            remedy="free them, or take the linear wave",
+        )
     if sample.velocity is not None and sample.velocity.any():
         raise UnavailableError(
             "in_motion",
@@ -280,6 +285,9 @@ class NonlinearRuns:
             )
         energy[:, 2] -= energy[0, 2]
         ends, slip_energy, rows = dynamics.contacts.slips()
+        body = self.sample.body
+        if body is not None:
+            ends = np.where(ends < 0, ends, body[np.maximum(ends, 0)])
         in_network = rows >= 0
         dissipated = np.zeros(len(opened))
         dissipated[rows[in_network]] = slip_energy[in_network]
