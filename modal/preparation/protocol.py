@@ -146,7 +146,7 @@ class MovingPacking(Protocol):
     steps: int
 
     def advance(self, count: int, dt: float, every: int) -> None:
-        """Take `count` steps of `dt`, s; the control sets the rates once in `every` steps."""
+        """Take `count` steps of `dt`, s; set strain rates every `every` steps."""
 
     def stress(self) -> Floats:
         """Return the principal stresses (3,), Pa, compression positive."""
@@ -155,7 +155,7 @@ class MovingPacking(Protocol):
         """Return the mean net force on a sphere divided by the mean contact force."""
 
     def sample(self, *, moving: bool) -> Sample:
-        """Return the present sample; with its velocities and strain rate if it is `moving`."""
+        """Return the present sample; with velocities and strain rate if `moving`."""
 
 
 class Stage:
