@@ -76,6 +76,7 @@ COMMANDS = [
     "export -o x.vtu",
     "relax -o x.sample.h5",
     "tile --repeat 2 2 -o x.network.h5",
+    "cement --cement 1e9 0.5 -o x.network.h5",
 ]
 
 

@@ -119,6 +119,8 @@ LIGGGHTS = [
 ]
 MERCURY = [
     (Replaced("spheres", f"{LINEAR}S", "LinearPlasticViscoelasticS"), "unknown_law", "line 12:"),
+    (Replaced("spheres", f"{LINEAR}S", f"{LINEAR}ReversibleAdhesiveS"), "unknown_law", "Adhesive"),
+    (Replaced("spheres", f"{LINEAR}S", f"{LINEAR}LiquidBridgeWilletS"), "unknown_law", "Bridge"),
     (
         Replaced("spheres", "particleDimensions 3", "particleDimensions 2"),
         "two_dimensions",
