@@ -41,11 +41,13 @@ def cemented(
     InputError
         If no cement has such numbers.
     UnavailableError
-        For bodies that are no spheres, whose radii of contact are not known, and for a network that
-        has cement already.
+        For bodies that are no spheres, whose radii of contact are not known, and for a network
+        without contacts or with cement already.
     """
     if network.inertia_tensor is not None:
         raise UnavailableError("clumps", "cement between bodies that are no spheres")
+    if not network.n_contacts:
+        raise UnavailableError("no_contacts", "cement of spheres without contacts")
     if CEMENT in network.study:
         raise UnavailableError("cemented", "the contacts have cement already")
     # The strength does not enter the springs.
