@@ -96,11 +96,12 @@ def contacts_of_lines(lines: ContactLines, packing: Packing, units: Units) -> Li
     row = known[np.sort(row)]
     i = first[row]
     j = second[row]
-    force = _normal_force(lines)
+    # Of a contact through a period the line may lead across the whole cell.
+    geometry = packing.between(i, j)
+    force = _normal_force(lines, row, geometry.normal)
     if force is not None:
-        force = units.force * force[row]
-        length = units.length * np.linalg.norm(lines.ends[row, 1] - lines.ends[row, 0], axis=1)
-        _refuse_shuffled(lines.path, force, packing.radius[i] + packing.radius[j] - length)
+        force = units.force * force
+        _refuse_shuffled(lines.path, force, geometry.overlap)
     columns = {}
     if lines.have_stiffnesses:
         for name in STIFFNESSES:
@@ -148,16 +149,17 @@ def _refuse_shuffled(path: Path, force: Floats, overlap: Floats) -> None:
         )
 
 
-def _normal_force(lines: ContactLines) -> Floats | None:
-    """Return the normal forces (m,) in units of the file; None if the file has none."""
+def _normal_force(lines: ContactLines, row: Ints, normal: Floats) -> Floats | None:
+    """Return the normal forces (k,) of k lines in units of the file; None if the file has none.
+
+    `row` (k,) are the lines, `normal` (k, 3) the unit vectors between the centres.
+    """
     for name in ("force", "force_vector"):
         force = lines.fields.get(name)
         if force is None:
             continue
         if force.ndim == 1:
-            return np.abs(np.asarray(force, float))
-        normal = lines.ends[:, 1] - lines.ends[:, 0]
-        normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+            return np.abs(np.asarray(force, float)[row])
         if force.shape[1:] == (3,):
-            return np.abs(np.einsum("ca,ca->c", np.asarray(force, float), normal))
+            return np.abs((np.asarray(force, float)[row] * normal).sum(axis=1))
     return None

@@ -552,7 +552,7 @@ def from_spheres(
         raise InputError("shape", problem, f"it is one number or ({len(centres)},)") from error
     planes = _read_planes(walls)
     digits = FULL_DIGITS
-    if are_rounded_to_single_precision(np.append(centres, radii)):
+    if any(are_rounded_to_single_precision(numbers) for numbers in (centres.ravel(), radii)):
         digits = SINGLE_DIGITS
     bounds = _cell_of_sides(centres, radii, cell, planes)
     spheres = Spheres(centres, radii, cell=bounds, digits=digits)

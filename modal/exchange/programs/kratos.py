@@ -59,7 +59,6 @@ def read(
         centre[number] = np.array(place)
     radius = {}
     for line in blocks.get("NodalData RADIUS", []):
-        texts += line.remaining[2:3]
         number, _, value = line.take_only_numbers("a radius", 3)
         radius[number] = value
     nodes = [int(node) for _, _, node in elements]

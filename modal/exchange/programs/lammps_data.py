@@ -88,9 +88,11 @@ def read(
         density=table[:, 3],
         kind=rows.to_integers(table[:, 1], "type"),
         cell=cell,
-        digits=rows.count_digits("x", "y", "z", "diameter"),
+        digits=rows.count_digits("x", "y", "z"),
     )
-    scaled_options = options._replace(scales=tuple(units), periodic=None)
+    scaled_options = options._replace(scales=tuple(units))
+    if options.cell is None:
+        scaled_options = scaled_options._replace(periodic=None)  # they are in the cell
     result = import_spheres(path, spheres, scaled_options, rows)
     result.remarks += remarks
     return result

@@ -69,14 +69,13 @@ def read(
         problem = f"its points have no radius (fields: {listed})"
         refuse(path, "no_spheres", problem, remedy="give the file of the spheres, with radii")
     radius = columns["radius"].astype(float)
-    numbers = np.append(position.ravel(), radius)
     spheres = Spheres(
         position=position,
         radius=radius,
         number=_numbers(columns.get("id")),
         mass=columns.get("mass"),
         density=columns.get("density"),
-        digits=_count_digits(numbers),
+        digits=count_digits(position, radius),
     )
     contact_lines = None if contacts is None else read_contact_lines(Path(contacts))
     return import_spheres(path, spheres, options, contact_lines=contact_lines)
@@ -167,9 +166,17 @@ def _numbers(identifiers: Array | None) -> Floats | None:
     return identifiers.astype(float)
 
 
-def _count_digits(numbers: Floats) -> int:
-    """Return the significant digits of numbers that were written as text or in single precision."""
-    if are_rounded_to_single_precision(numbers):
+def count_digits(position: Floats, radius: Floats) -> int:
+    """Return the significant digits of positions (n, 3) and radii (n,), whichever have fewer.
+
+    Some programs write centres in single precision and radii in double. Text that was read in
+    single precision may have fewer digits than this precision; radii of few digits are exact.
+    """
+    numbers = position.ravel()[:SAMPLED_NUMBERS]
+    if are_rounded_to_single_precision(position.ravel()):
+        written = (np.format_float_positional(number) for number in numbers.astype(np.float32))
+        return min(count_written_digits(written), SINGLE_DIGITS)
+    if are_rounded_to_single_precision(radius):
         return SINGLE_DIGITS
-    written = (repr(number) for number in numbers[:SAMPLED_NUMBERS].tolist())
+    written = (repr(number) for number in numbers.tolist())
     return min(count_written_digits(written), MAX_DIGITS)

@@ -67,7 +67,7 @@ def read(
         mass=further.get("mass"),
         density=further.get("density"),
         cell=_read_cell(path, keys, options),
-        digits=rows.count_digits(*centre, size),
+        digits=rows.count_digits(*centre),
     )
     return import_spheres(path, spheres, options, rows)
 
