@@ -225,8 +225,9 @@ def _match_spheres(network: Network, spheres: Ints, axis: int, parts: int) -> In
 class _ContactImage(NamedTuple):
     """Contacts and their images.
 
-    row (m,): the contact onto which the shift maps each contact. contact, image (m,): the same
-    pairs in another order. sign (m, 1): -1 if the ends of contact and image are exchanged.
+    contact, image (m,): contacts in canonical order, and for each the one that the shift maps onto
+    it. row (m,): the contact onto which the shift maps each contact. sign (m, 1): -1 if the ends of
+    contact and image are exchanged.
     """
 
     row: Ints
