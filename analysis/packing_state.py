@@ -7,7 +7,8 @@ from analysis.same_state import note
 from modal.packing import state
 from modal.packing.missing_contacts import missing_contacts
 from modal.packing.network import Network
-from modal.packing.plausibility import MAX_MEAN_NET_FORCE, MIN_CRYSTALLINE_SHARE, remark_on_thirds
+from modal.packing.plausibility import MAX_MEAN_NET_FORCE
+from modal.packing.shape_remarks import MIN_CRYSTALLINE_SHARE, remark_on_thirds
 from modal.packing.summary import crystalline_shares
 from modal.packing.weight import unbalanced_forces
 from modal.preparation.protocol import SETTLED

@@ -22,7 +22,7 @@ from analysis.same_state import note
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.packing.ends import has_two_ends
 from modal.packing.network import Network
-from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
+from modal.packing.shape_remarks import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.summary import crystalline_shares
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import UnavailableError

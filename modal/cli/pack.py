@@ -21,8 +21,8 @@ from modal.packing.clumps import read_template
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
 from modal.packing.noted_laws import ELASTIC
-from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import read_sample
+from modal.packing.shape_remarks import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sphere_sample import TURNING
 from modal.preparation.mixture import MIXTURE, MixtureWords
 from modal.preparation.random_packing import ASPECT, sound_aspect, width_of

@@ -141,14 +141,16 @@ def velocities_by_depth(network: Network, *, thickness: float | None = None) -> 
     density = _density(network, layers)
     velocity = np.sqrt(modulus / density)
     error = velocity * relative_error / 2
+    v_s = np.sqrt((velocity[:2] ** 2).mean(axis=0))
+    v_s_error = np.sqrt((error[:2] ** 2).mean(axis=0) / 2)
     return LayerVelocities(
         layers=layers,
         z=(layers.edges[1:] + layers.edges[:-1]) / 2,
         density=density,
         v_p=velocity[2],
         v_p_error=error[2],
-        v_s=np.sqrt((velocity[:2] ** 2).mean(axis=0)),
-        v_s_error=np.sqrt((error[:2] ** 2).mean(axis=0) / 2),
+        v_s=v_s,
+        v_s_error=v_s_error,
     )
 
 

@@ -65,16 +65,13 @@ def check_curve(numbers: Sequence[float], name: str) -> None:
     """Raise InputError unless the numbers are pairs of diameter, m, and per cent finer by mass."""
     points = np.reshape(numbers[: len(numbers) // 2 * 2], (-1, 2))
     diameter, percent = points.T
-    is_curve = (
-        len(numbers) % 2 == 0
-        and len(points) >= 2
-        and bool(np.isfinite(points).all())
-        and diameter[0] > 0
-        and bool((np.diff(diameter) > 0).all())
-        and bool((np.diff(percent) >= 0).all())
-        and percent[0] == 0
-        and percent[-1] == 100
-    )
+    are_points = len(numbers) % 2 == 0 and len(points) >= 2 and bool(np.isfinite(points).all())
+    is_curve = False
+    if are_points:
+        sizes_rise = diameter[0] > 0 and bool((np.diff(diameter) > 0).all())
+        percents_rise = bool((np.diff(percent) >= 0).all())
+        is_complete = percent[0] == 0 and percent[-1] == 100
+        is_curve = sizes_rise and percents_rise and is_complete
     if not is_curve:
         raise InputError("grading", f"{name}: no grading curve", remedy=f"give {FORM}")
 

@@ -223,17 +223,23 @@ def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
     # Half of the nine rows around a point; the others have this row among theirs.
     rows_ahead = (0, 1, rows_per_layer - 1, rows_per_layer, rows_per_layer + 1)
     for start in range(0, len(points), POINTS_PER_PART):
-        here: Ints = np.arange(start, min(start + POINTS_PER_PART, len(points)))
-        for ahead in rows_ahead:
-            middle = place[here] + ahead * row_length
+        point: Ints = np.arange(start, min(start + POINTS_PER_PART, len(points)))
+        for n_rows in rows_ahead:
+            middle = place[point] + n_rows * row_length
             # In its own row, a point is paired with those that come after it.
-            begin = np.searchsorted(place, middle - reach) if ahead else here + 1
+            begin = point + 1
+            if n_rows:
+                begin = np.searchsorted(place, middle - reach)
             count = np.searchsorted(place, middle + reach, side="right") - begin
-            one = np.repeat(here, count)
-            two = np.arange(len(one)) + np.repeat(begin - np.cumsum(count) + count, count)
-            square = (x[one] - x[two]) ** 2 + (y[one] - y[two]) ** 2 + (z[one] - z[two]) ** 2
-            near = square <= distance**2
-            yield order[one[near]], order[two[near]]
+            first = np.repeat(point, count)
+            # The candidates of a point follow each other from `begin` on.
+            earlier_candidates = np.cumsum(count) - count
+            second = np.arange(len(first)) + np.repeat(begin - earlier_candidates, count)
+            dx = x[first] - x[second]
+            dy = y[first] - y[second]
+            dz = z[first] - z[second]
+            near = dx**2 + dy**2 + dz**2 <= distance**2
+            yield order[first[near]], order[second[near]]
 
 
 def contact_keys(i: Ints, j: Ints, shift: Ints) -> Ints:

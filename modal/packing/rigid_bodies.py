@@ -122,17 +122,20 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
     cell_shift = network.require("cell_shift", "joining of spheres").copy()
     cell_shift[~wall] += (turns[i] - turns[j])[~wall]
     outer = (body_i != body_j) | cell_shift.any(axis=1)
+    lever_i = network.lever_i + arm[i]
+    lever_j = np.where(wall[:, None], 0.0, network.lever_j + arm[j])
+    cubed_radius = np.bincount(index, network.radius**3, count)
     return replace(
         network.with_contacts(outer),
         position=centre,
-        radius=np.cbrt(np.bincount(index, network.radius**3, count)),
+        radius=np.cbrt(cubed_radius),
         mass=mass,
         inertia=np.trace(tensor, axis1=1, axis2=2) / 3,
         inertia_tensor=tensor,
         particle_i=body_i[outer],
         particle_j=body_j[outer],
-        lever_i=(network.lever_i + arm[i])[outer],
-        lever_j=np.where(wall[:, None], 0.0, network.lever_j + arm[j])[outer],
+        lever_i=lever_i[outer],
+        lever_j=lever_j[outer],
         cell_shift=cell_shift[outer],
         fixed=fixed,
     )

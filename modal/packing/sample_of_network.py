@@ -50,24 +50,30 @@ def sample_of_network(network: Network, friction: float) -> Sample:
 def bare_sample(network: Network, friction: float) -> Sample:
     """Return the sample of a network as `sample_of_network` does, but without shear forces."""
     network.refuse_angles("sample")
-    radius = network.radius
-    radii_are_equal = bool((radius == radius[0]).all())
+    radius = float(network.radius[0])
+    radii = None
+    if (network.radius != radius).any():
+        radius = float(network.radius.mean())
+        radii = network.radius.copy()
     study = network.study
     material = noted_material(study)
+    densities = None
     density = density_of(network)
-    densities_differ = abs(density / material.density - 1).max() > MAX_DENSITY_ERROR
+    if abs(density / material.density - 1).max() > MAX_DENSITY_ERROR:
+        densities = density
+    periodic_x, periodic_y, periodic_z = network.cell_periodic.tolist()
     return Sample(
         position=network.position.copy(),
         side=network.cell_size[:2].copy(),
         walls=network.wall_position.copy(),
         friction=friction,
-        radius=float(radius[0] if radii_are_equal else radius.mean()),
-        radii=None if radii_are_equal else radius.copy(),
+        radius=radius,
+        radii=radii,
         material=material,
-        densities=density if densities_differ else None,
+        densities=densities,
         wall_material=noted_walls(study),
-        periodic_z=bool(network.cell_periodic[2]),
-        periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
+        periodic_z=periodic_z,
+        periodic_sides=(periodic_x, periodic_y),
         fixed=network.fixed,
         rolling=network.noted("rolling") or 0.0,
         twisting=network.noted("twisting") or 0.0,

@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.contact_models import acts_across_gaps, laws_of
 from modal.packing.network import Network
-from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import read_sample
+from modal.packing.shape_remarks import MIN_WIDTH_IN_DIAMETERS
 from modal.preparation.compression import WITH_FRICTION, Simulation, compress_to_stresses
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.mixture import MixtureWords

@@ -152,10 +152,12 @@ def assembly_of(network: Network) -> Assembly:
             "note young, poisson and contact_model in its group study",
         )
     volume = volume_between_walls(network)
+    solid_volume = float(sphere_volume(network.radius).sum())
+    pressure = float(np.trace(stress_tensor(network)) / 3)
     return Assembly(
-        stress=float(np.trace(stress_tensor(network)) / 3),
+        stress=pressure,
         coordination=float(network.coordination_number),
-        solid_fraction=float(sphere_volume(network.radius).sum() / volume),
+        solid_fraction=solid_volume / volume,
         radius=float(network.radius.mean()),
         material=noted_material(network.study),
     )

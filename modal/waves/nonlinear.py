@@ -339,16 +339,21 @@ class NonlinearRuns:
         if not slid:
             fraction = time_step / self.max_time_step
             limit = float(drift_limit(self.network, fraction, amplitude, elastic[start]))
+        start_energy = elastic[start]
+        end_energy = elastic[-1]
+        dissipated_after = dissipated[-1] - dissipated[start]
+        total_work = work[-1]
+        gap = end_energy + dissipated[-1] - total_work
         return EnergyBalance(
-            energy=float(elastic[start]),
-            drift=float(elastic[-1] / elastic[start] - 1),
-            friction=float((dissipated[-1] - dissipated[start]) / elastic[start]),
+            energy=float(start_energy),
+            drift=float(end_energy / start_energy - 1),
+            friction=float(dissipated_after / start_energy),
             contacts=len(opened),
             opened=int(opened.sum()),
             slid=slid,
             limit=limit,
-            work=float(work[-1]),
-            gap=float((elastic[-1] + dissipated[-1] - work[-1]) / abs(work[-1])),
+            work=float(total_work),
+            gap=float(gap / abs(total_work)),
         )
 
 

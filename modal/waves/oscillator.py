@@ -72,13 +72,13 @@ def oscillation(motion: Motion, square: Floats, time: Floats) -> Floats:
     @lru_cache(CACHED_PROPAGATORS)
     def propagator(h: float) -> _Propagator:
         time_left = h * (1 - x) / 2
-        sine = time_left * np.sinc(omega[:, None] * time_left / np.pi)
-        cosine = np.cos(omega[:, None] * time_left)
+        sine_left = time_left * np.sinc(omega[:, None] * time_left / np.pi)
+        cosine_left = np.cos(omega[:, None] * time_left)
         return _Propagator(
-            np.cos(omega * h),
-            h * np.sinc(omega * h / np.pi),
-            sine * weight * h / 2,
-            cosine * weight * h / 2,
+            cosine=np.cos(omega * h),
+            sine=h * np.sinc(omega * h / np.pi),
+            displacement_weight=sine_left * weight * h / 2,
+            velocity_weight=cosine_left * weight * h / 2,
         )
 
     y, rate = np.zeros((2, len(omega)))

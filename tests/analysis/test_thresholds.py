@@ -11,7 +11,7 @@ from packings import slender
 import modal
 from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
-from modal.packing.plausibility import LONG_FOR_LOW_PASS, LONG_FOR_VELOCITY, MIN_WIDTH_IN_DIAMETERS
+from modal.packing.shape_remarks import LONG_FOR_LOW_PASS, LONG_FOR_VELOCITY, MIN_WIDTH_IN_DIAMETERS
 from modal.preparation.study import NOMINAL_FRACTION
 
 DOCS = Path(__file__).parents[2] / "docs"
