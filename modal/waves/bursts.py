@@ -9,10 +9,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from modal.tools.arguments import refuse_other_kinds
 from modal.tools.arrays import Floats
 from modal.tools.errors import refuse_unknown
-from modal.waves.motions import refuse_no_wave
+from modal.waves.motions import Periods
 
 Window = Literal["none", "hann"]
 """Envelope of a burst: constant, or sin^2 from its start to its end (J. von Hann)."""
@@ -23,7 +22,7 @@ and a jump would be an infinite velocity."""
 
 
 @dataclass(frozen=True)
-class SineBurst:
+class SineBurst(Periods):
     """A few periods of u = A sin(2 pi f t).
 
     Parameters
@@ -48,20 +47,14 @@ class SineBurst:
     array([ 0.e+00,  1.e-09, -1.e-09,  0.e+00])
     """
 
-    amplitude: float
-    frequency: float
+    NAME = "a burst"
+
     cycles: int = 1
     window: Window = "none"
 
     def __post_init__(self) -> None:
-        refuse_other_kinds(SineBurst, "SineBurst", vars(self))
+        super().__post_init__()
         refuse_unknown("window", self.window, WINDOWS)
-        refuse_no_wave("a burst", self.amplitude, self.frequency, self.cycles)
-
-    @property
-    def corners(self) -> Floats:
-        """Times of the start and the end of the burst (2,), s."""
-        return np.array([0.0, self.cycles / self.frequency])
 
     def displacement(self, time: Floats) -> Floats:
         """Return the displacement d (nt,), m, at the times (nt,), s."""
@@ -74,7 +67,7 @@ class SineBurst:
 
 
 @dataclass(frozen=True)
-class SquareWave:
+class SquareWave(Periods):
     """A few periods of a square wave: A for half a period, then -A.
 
     It changes from level to level linearly in time, within `SQUARE_RISE_IN_PERIODS`.
@@ -99,13 +92,9 @@ class SquareWave:
     array([ 0.e+00,  1.e-09, -1.e-09,  0.e+00])
     """
 
-    amplitude: float
-    frequency: float
-    cycles: int = 1
+    NAME = "a square wave"
 
-    def __post_init__(self) -> None:
-        refuse_other_kinds(SquareWave, "SquareWave", vars(self))
-        refuse_no_wave("a square wave", self.amplitude, self.frequency, self.cycles)
+    cycles: int = 1
 
     @property
     def corners(self) -> Floats:

@@ -7,7 +7,7 @@ The default pulse is that of Otsubo et al. (2017). Bursts of laboratory transduc
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -79,7 +79,32 @@ def refuse_no_wave(name: str, amplitude: float, frequency: float, cycles: float)
 
 
 @dataclass(frozen=True)
-class Pulse:
+class Periods:
+    """A whole number of periods of a motion, at rest before and after them.
+
+    `amplitude` is in m, or N for a force, `frequency` in Hz; `NAME` is the name of the motion in
+    messages, with its article. Raises InputError if the amplitude is zero, or the frequency or the
+    number of periods is not positive.
+    """
+
+    NAME: ClassVar[str]
+
+    amplitude: float
+    frequency: float
+    cycles: int
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(type(self), type(self).__name__, vars(self))
+        refuse_no_wave(self.NAME, self.amplitude, self.frequency, self.cycles)
+
+    @property
+    def corners(self) -> Floats:
+        """Times of the start and the end of the motion (2,), s."""
+        return np.array([0.0, self.cycles / self.frequency])
+
+
+@dataclass(frozen=True)
+class Pulse(Periods):
     """A few periods of u = A (1 - cos 2 pi f t).
 
     Parameters
@@ -102,18 +127,11 @@ class Pulse:
     array([0.e+00, 2.e-09, 0.e+00])
     """
 
+    NAME = "a pulse"
+
     amplitude: float = AMPLITUDE
     frequency: float = INPUT_FREQUENCY
     cycles: int = 1
-
-    def __post_init__(self) -> None:
-        refuse_other_kinds(Pulse, "Pulse", vars(self))
-        refuse_no_wave("a pulse", self.amplitude, self.frequency, self.cycles)
-
-    @property
-    def corners(self) -> Floats:
-        """Times of the start and the end of the pulse (2,), s."""
-        return np.array([0.0, self.cycles / self.frequency])
 
     def displacement(self, time: Floats) -> Floats:
         """Return the displacement d (nt,), m, at the times (nt,), s.
