@@ -17,8 +17,8 @@ import numpy as np
 from analysis.estimators.arrival_rules import RULES, RecordPair, Rule
 from analysis.transducer_pair import TransducerPair, has_free_sides, widths
 from analysis.value import Value
-from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.slab import strained_velocities
+from modal.elasticity.static_response import elastic_moduli
 from modal.packing.ends import has_two_ends
 from modal.packing.network import Network
 from modal.tools.arguments import checked, frequencies

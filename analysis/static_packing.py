@@ -19,7 +19,8 @@ from analysis.packing_state import (
     why_unsettled,
 )
 from analysis.same_state import note
-from modal.elasticity.moduli import ElasticModuli, elastic_moduli
+from modal.elasticity.moduli import ElasticModuli
+from modal.elasticity.static_response import elastic_moduli
 from modal.packing.ends import has_two_ends
 from modal.packing.network import Network
 from modal.packing.shape_remarks import MIN_WIDTH_IN_DIAMETERS

@@ -16,7 +16,7 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import Job
 from benchmarks.harness.report import Page, Rows
 from benchmarks.scaling import compile_loop
-from modal.elasticity.moduli import elastic_moduli
+from modal.elasticity.static_response import elastic_moduli
 from modal.exchange.registry import read
 from modal.modes.density import density_of_states
 from modal.modes.eigenmodes import modes_of

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from modal.description import describe as describe
     from modal.elasticity.depth import velocities_by_depth as velocities_by_depth
-    from modal.elasticity.moduli import elastic_moduli as elastic_moduli
     from modal.elasticity.sensitivity import moduli_sensitivity as moduli_sensitivity
+    from modal.elasticity.static_response import elastic_moduli as elastic_moduli
     from modal.exchange.registry import read as read
     from modal.exchange.spheres import from_spheres as from_spheres
     from modal.modes.counts import count_modes as count_modes
@@ -51,7 +51,7 @@ _MODULES = {
     "density_of_states": "modal.modes.density",
     "describe": "modal.description",
     "eigenmodes": "modal.modes.eigenmodes",
-    "elastic_moduli": "modal.elasticity.moduli",
+    "elastic_moduli": "modal.elasticity.static_response",
     "fcc": "modal.packing.crystal",
     "frequency_response": "modal.waves.response",
     "frequency_sensitivity": "modal.modes.sensitivity",

@@ -16,7 +16,7 @@ from analysis.caveats import Caveat
 from analysis.steps import Step
 from analysis.value import Value
 from modal.elasticity.few_digits import COVERAGE_FACTOR
-from modal.elasticity.moduli import elastic_moduli
+from modal.elasticity.static_response import elastic_moduli
 from modal.packing.network import Network
 from modal.packing.precision import is_scanned, other_packings, overlap_error
 from modal.packing.scan import Scan

@@ -8,8 +8,9 @@ from modal.cli.reading import packing_of, springs
 from modal.elasticity.box import state_inside
 from modal.elasticity.cross_anisotropy import cross_anisotropy
 from modal.elasticity.depth import velocities_by_depth
-from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
+from modal.elasticity.moduli import read_moduli, write_moduli
 from modal.elasticity.plane_waves import isotropic_mean, unit_vector
+from modal.elasticity.static_response import TOLERANCE, elastic_moduli
 from modal.elasticity.steady import SOLVERS
 from modal.packing.network import Network
 from modal.packing.noted_laws import noted_material

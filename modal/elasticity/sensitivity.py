@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.elasticity.moduli import TOLERANCE, elastic_moduli
 from modal.elasticity.plane_waves import isotropic_means
+from modal.elasticity.static_response import TOLERANCE, elastic_moduli
 from modal.elasticity.strain import UNIT_STRAINS
 from modal.packing.network import Network
 from modal.packing.state import volume_between_walls

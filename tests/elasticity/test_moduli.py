@@ -11,8 +11,9 @@ from packings import polydisperse
 from refusals import refusal
 from scipy.linalg import lstsq
 
-from modal.elasticity.moduli import elastic_moduli, read_moduli
+from modal.elasticity.moduli import read_moduli
 from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
+from modal.elasticity.static_response import elastic_moduli
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.packing.state import stress_tensor

@@ -12,8 +12,9 @@ from packings import polydisperse
 from places import PACKINGS
 from refusals import refusal
 
-from modal.elasticity.moduli import elastic_moduli, read_moduli
+from modal.elasticity.moduli import read_moduli
 from modal.elasticity.slab import static_velocity
+from modal.elasticity.static_response import elastic_moduli
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
