@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modal.packing.cementation import CEMENT
 from modal.packing.contact_law import Material, sphere_volume
 from modal.packing.contact_models import laws_of
 from modal.packing.network import Network
@@ -142,8 +143,15 @@ def assembly_of(network: Network) -> Assembly:
 
     The coordination number is that of all spheres, the radius is their mean, and the material is
     read from the notes. Raises UnavailableError if forces, a volume or the notes on the material
-    are absent.
+    are absent, and for contacts with cement, whose stiffness does not follow from their forces.
     """
+    if CEMENT in network.study:
+        raise UnavailableError(
+            "cemented",
+            "Walton's theory of contacts with cement",
+            "it takes the stiffness of a contact from its force",
+            "compare with the affine moduli of the packing's own springs",
+        )
     if "young" not in network.study:
         raise UnavailableError(
             "unknown_material",

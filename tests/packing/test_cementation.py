@@ -14,6 +14,7 @@ from modal.packing.crystal import column
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import sample_of_network
 from modal.preparation.relax import relax
+from modal.theory.effective_medium import assembly_of
 
 YOUNG = 1e9
 SHARE = 0.4
@@ -63,6 +64,8 @@ def test_cement_is_refused_where_it_has_no_meaning():
         cemented(replace(column(4), inertia_tensor=tensor), YOUNG, SHARE)
     with refusal("other_law"):
         modal.propagate(bonded, 1e-5, nonlinear=True, friction=0.3)
+    with refusal("cemented"):
+        assembly_of(bonded)
     with refusal("other_law"):
         relax(sample_of_network(bonded, 0.3))
 
