@@ -21,6 +21,7 @@ from modal.elasticity.slab import strained_velocities
 from modal.elasticity.static_response import elastic_moduli
 from modal.packing.ends import has_two_ends
 from modal.packing.network import Network
+from modal.packing.rattlers import firmly_held
 from modal.tools.arguments import checked, frequencies
 from modal.tools.display import plain
 from modal.tools.errors import InputError, UnavailableError
@@ -122,7 +123,7 @@ class TransducerTest:
 @checked
 def transducers(
     network: Network,
-    at: tuple[float, float],
+    at: tuple[float, float] | None = None,
     frequencies_hz: Sequence[float] | None = None,
     *,
     radius: float | None = None,
@@ -138,8 +139,8 @@ def transducers(
     ----------
     network : Network
         The packing.
-    at : pair of float
-        Heights z of source and receiver, m.
+    at : pair of float, optional
+        Heights z of source and receiver, m; by default those of the two ends of the packing.
     frequencies_hz : sequence of float, optional
         Frequencies of the bursts, Hz; by default those of waves that are 25, 12, 8 and 6 diameters
         long.
@@ -158,7 +159,8 @@ def transducers(
     Raises
     ------
     InputError
-        If a disc has no spheres, if both are at the same height, or if a frequency is not positive.
+        If a disc has no spheres, if both are at the same height, if a frequency is not positive, or
+        if `at` is left out for a cell that is periodic along z.
 
     Examples
     --------
@@ -171,6 +173,8 @@ def transducers(
     """
     if frequencies_hz is not None:
         frequencies_hz = _positive(frequencies_hz)
+    if at is None:
+        at = _ends(network)
     if radius is None:
         radius = RADIUS_IN_WIDTHS * float(widths(network).min())
     discs = [Disc((*_middle(network), z), radius, direction) for z in at]
@@ -241,6 +245,19 @@ def _bar_velocity(network: Network) -> float:
         return strained_velocities(network, (2,))[0].velocity
     except UnavailableError:
         return np.nan
+
+
+def _ends(network: Network) -> tuple[float, float]:
+    """Return the heights, m, of the lowest and the highest spheres of a packing with two ends."""
+    if network.cell_periodic[2]:
+        raise InputError(
+            "no_ends",
+            "the packing is periodic along z and has no ends",
+            "transducers have no places there",
+            "give their heights (--at Z1 Z2)",
+        )
+    firm = network.position[firmly_held(network), 2]
+    return float(firm.min()), float(firm.max())
 
 
 def _middle(network: Network) -> tuple[float, float]:

@@ -8,9 +8,12 @@ wavelength, radius of the discs and stress, for P- and S-waves, in packings of t
 `python examples/transducers.py FOLDER` writes the figure and the tables into a folder. It reads
 `bias.csv` in `results/transducers`; `python examples/transducers.py FOLDER measure` first makes
 this table from the committed samples, place by place, and leaves out what the table has already.
+`measure PACKINGS` does so with the packings in further folders, PACKINGS/MU_SEED/*Pa.sample.h5 with
+friction and seed in the place of MU and SEED, as `python -m modal pack` writes them.
 """
 
 import sys
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -38,11 +41,12 @@ SAMPLES = {
     "case29": (0.4, 1e4),
     "case32": (0.4, 1e7),
 }
-PLACES = (20, 62, 104)  # D, of the source above the lower wall; the packings are 143 D long
+PLACES = (20, 62, 104)  # D, of the source above the lower wall, in these packings 143 D long
 MARGIN = 10  # D, of the packing below the source and above the last receiver
 DISTANCES = (6, 12, 18, 24)  # D, from the source to each receiver
 RECEIVER_PAIRS = ((0, 2), (0, 3))  # numbers of receivers that are compared with each other
 RADII = (1.5, 3, np.inf)  # D, of the discs; the last is a plane of all spheres at a height
+MIN_WIDTH_OF_DISCS = 12  # D, of a packing with discs; narrower ones have planes alone
 D_OVER_WAVELENGTH = (0.04, 0.08, 0.12, 0.16)  # with the velocity by the moduli
 DIRECTIONS = ("x", "z")
 PASSAGES = 1.5  # length of a record, in passages to the last receiver, besides the burst
@@ -50,8 +54,8 @@ PASSAGES = 1.5  # length of a record, in passages to the last receiver, besides 
 WIDTHS = {0.0: 14.1, 0.4: 14.7}  # D, by friction, of the packings, which are periodic sideways
 
 # %%
-# **The test.** A disc of spheres moves by one period of a sine, discs above it receive. In a long
-# packing tests at three places stand for three samples: the places share no sphere. The wave runs
+# **The test.** A disc of spheres moves by one period of a sine, discs above it receive: at three
+# places of a long packing, which share no sphere, or in the middle of a shorter one. The wave runs
 # through the spheres near a place alone; velocities of the moduli are those of the whole packing.
 
 
@@ -60,9 +64,12 @@ def measure(packing, velocities, place):
     diameter = 2 * float(packing.radius.mean())
     ends = np.array([place - MARGIN, place + DISTANCES[-1] + MARGIN]) * diameter
     spheres = segment(packing, *ends)
+    radii = RADII
+    if packing.cell_size[:2].min() < MIN_WIDTH_OF_DISCS * diameter:
+        radii = [np.inf]
     for direction in DIRECTIONS:
         velocity = velocities[direction]
-        for radius in RADII:
+        for radius in radii:
             yield from test(spheres, direction, velocity, radius, place)
 
 
@@ -106,25 +113,46 @@ def readings(record, exact):
     return row
 
 
-def gather():
-    """Add all tests that are not in the table yet, and write the table after each place."""
-    table = pd.read_csv(TABLE) if TABLE.exists() else pd.DataFrame(columns=["case", "place_over_d"])
+def committed_packings():
+    """Yield key, file and places of the source, D, of each committed sample."""
     for case, (friction, stress) in SAMPLES.items():
-        measured = table.loc[table["case"] == case, "place_over_d"]
-        places = [place for place in PLACES if place not in set(measured)]
+        key = {"case": case, "seed": 1, "friction": friction, "stress_pa": stress}
+        yield key, RESULTS / f"samples/{case}.sample.h5", PLACES
+
+
+def further_packings(folder):
+    """Yield key, file and place of the source of each packing in a folder, in its middle."""
+    for path in sorted(Path(folder).glob("*_*/*Pa.sample.h5")):
+        friction, seed = path.parent.name.split("_")
+        key = {"case": path.parent.name, "seed": int(seed), "friction": float(friction)}
+        key["stress_pa"] = float(path.name.removesuffix("Pa.sample.h5"))
+        packing = modal.read(path)
+        length = packing.length / (2 * float(packing.radius.mean()))
+        yield key, path, (round((length - DISTANCES[-1]) / 2),)
+
+
+def gather(packings):
+    """Add all tests that are not in the table yet, and write the table after each place."""
+    table = pd.read_csv(TABLE) if TABLE.exists() else pd.DataFrame(columns=["case", "stress_pa"])
+    for key, path, places in packings:
+        is_packing = (table["case"] == key["case"]) & (table["stress_pa"] == key["stress_pa"])
+        measured = set(table.loc[is_packing, "place_over_d"]) if is_packing.any() else set()
+        places = [place for place in places if place not in measured]
         if not places:
             continue
-        packing = modal.read(RESULTS / f"samples/{case}.sample.h5")
+        packing = modal.read(path)
         velocities = dict(zip("zx", modulus_velocities(packing, "x"), strict=True))
         for place in places:
-            key = {"case": case, "friction": friction, "stress_pa": stress, "place_over_d": place}
-            rows = [key | row for row in measure(packing, velocities, place)]
-            table = pd.concat([table, pd.DataFrame(rows)]) if len(table) else pd.DataFrame(rows)
+            place_key = key | {"place_over_d": place}
+            rows = pd.DataFrame(place_key | row for row in measure(packing, velocities, place))
+            table = pd.concat([table, rows]) if len(table) else rows
             table.to_csv(TABLE, index=False, float_format="%.3g")
 
 
 if __name__ == "__main__" and len(sys.argv) == 3:
-    gather()
+    gather(committed_packings())
+if __name__ == "__main__" and len(sys.argv) == 4:
+    gather(further_packings(sys.argv[3]))
 
 # %%
 # **What decides.** Waves by way of the sides, or from the images of a disc across the periods of
@@ -147,22 +175,25 @@ GROUPS = {
 WAVES = {"x": "S", "z": "P"}
 
 
-def spread(rows, rule):
-    """Return the median of a bias and the limits of its middle 80 %, in per cent."""
-    low, middle, high = np.nanpercentile(100 * rows[rule], (10, 50, 90))
-    return f"{middle:+.1f} ({low:+.0f} to {high:+.0f})"
+def spreads(rows, key):
+    """Yield for each rule a row with median and limits of the middle 80 % of its bias, per cent."""
+    for rule in RULES:
+        low, median, high = np.nanpercentile(100 * rows[rule], (10, 50, 90))
+        numbers = {"readings": len(rows), "low": low, "median": median, "high": high}
+        yield key | {"rule": rule} | numbers
 
 
-errors = []
+group_spreads = []
+seed_spreads = []
 for group, chosen in GROUPS.items():
-    for friction in sorted(bias["friction"].unique()):
-        for direction, wave in WAVES.items():
-            is_row = chosen & (bias["friction"] == friction) & (bias["direction"] == direction)
-            rows = bias[is_row]
-            row = {"transducers": group, "friction": friction, "wave": wave, "readings": len(rows)}
-            errors.append(row | {rule: spread(rows, rule) for rule in RULES})
-errors = pd.DataFrame(errors)
-print(errors.to_string(index=False))
+    for (friction, direction), rows in bias[chosen].groupby(["friction", "direction"]):
+        key = {"transducers": group, "friction": friction, "wave": WAVES[direction]}
+        group_spreads.extend(spreads(rows, key))
+        for seed, rows_of_seed in rows.groupby("seed"):
+            seed_spreads.extend(spreads(rows_of_seed, key | {"seed": seed}))
+group_spreads = pd.DataFrame(group_spreads)
+seed_spreads = pd.DataFrame(seed_spreads)
+print(group_spreads.to_string(index=False, float_format="%.1f"))
 
 # %%
 # **The figure**: the bias without friction, medians over stresses and places. Left and middle: over
@@ -206,7 +237,15 @@ axes[1, 2].set_xlabel("delay of the sides, periods")
 plt.show()
 
 if __name__ == "__main__" and len(sys.argv) >= 2:
-    write(sys.argv[1], {"bias": figure}, {})
-    columns = {name: "{" + name + "}" for name in ("transducers", "friction", "wave", "readings")}
+    tables = {"bias_groups": group_spreads, "bias_seeds": seed_spreads}
+    write(sys.argv[1], {"bias": figure}, tables, float_format="%.1f")
+    cell = "{median:+.1f} ({low:+.0f} to {high:+.0f})"
+    rows = group_spreads.to_dict("records")
+    group_spreads["cell"] = [cell.format(**row) for row in rows]
+    names = ["transducers", "friction", "wave", "readings"]
+    page = group_spreads.pivot_table(
+        "cell", names, "rule", aggfunc="first", sort=False
+    ).reset_index()
+    columns = {name: "{" + name + "}" for name in names}
     columns |= {rule.replace("_", " "): "{" + rule + "}" for rule in RULES}
-    write_page(f"{sys.argv[1]}/bias.md", errors, columns)
+    write_page(f"{sys.argv[1]}/bias.md", page, columns)

@@ -1,6 +1,7 @@
 """Numbers in the sentences of documents against the committed files that they come from."""
 
 import functools
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +25,16 @@ def split_row(line: str) -> list[str]:
 
 @functools.cache
 def read_table(path: Path) -> pd.DataFrame:
-    """Return the table of a CSV file, or that of a Markdown file, whose cells are then texts."""
+    """Return the table of a CSV or Markdown file; other cells than numbers are texts."""
     if path.suffix == ".csv":
         return pd.read_csv(path)
     lines = [line for line in path.read_text().splitlines() if line.startswith("|")]
     header, _, *rows = [split_row(line) for line in lines]
-    return pd.DataFrame(rows, columns=header)
+    table = pd.DataFrame(rows, columns=header)
+    for column in header:
+        with suppress(ValueError):
+            table[column] = pd.to_numeric(table[column])
+    return table
 
 
 def read_number(file: str, rows: str, column: str) -> float:

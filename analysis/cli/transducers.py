@@ -5,7 +5,7 @@ from pathlib import Path
 from analysis.bench import RADIUS_IN_WIDTHS, TransducerRow, TransducerTest, transducers
 from analysis.estimators.arrival_rules import RULES
 from analysis.table import Table, number
-from modal.cli.options import REQUIRED, Option, Options, flag, output, say
+from modal.cli.options import Option, Options, flag, output, say
 from modal.cli.terminal import json_text, put
 from modal.exchange.registry import read_remarked
 from modal.tools.display import quantity
@@ -16,7 +16,7 @@ RADIUS_HELP = f"of both discs, m (default: {RADIUS_IN_WIDTHS:g} of the smaller w
 FREQUENCY_HELP = "of the sine bursts (default: those of waves of 25, 12, 8 and 6 diameters)"
 OPTIONS = [
     Option("file", "FILE", "*.network.h5, or *.sample.h5", kind=str),
-    Option("--at", ("Z1", "Z2"), "heights of source and receiver, m", more=REQUIRED),
+    Option("--at", ("Z1", "Z2"), "heights of source and receiver, m (default: the two ends)"),
     Option("--frequency", "HZ ...", FREQUENCY_HELP),
     Option("--radius", "R", RADIUS_HELP),
     Option("--direction", "", "of the motion: x or y for V_S, z for V_P", "x", DIRECTIONS),
@@ -29,9 +29,10 @@ OPTIONS = [
 def run(options: Options) -> int:
     """Test the packing and print the table; return 3 if no rule has a velocity."""
     network = read_remarked(options.file, say)
+    heights = tuple(options.at) if options.at else None
     test = transducers(
         network,
-        tuple(options.at),
+        heights,
         options.frequency,
         radius=options.radius,
         direction=options.direction,
@@ -65,6 +66,14 @@ def _text(test: TransducerTest) -> str:
     rules = [rule.replace("_", " ") for rule in RULES]
     table = Table("", ["frequency", "d/lambda", *rules], lines).markdown()
     notes = [f"- {', '.join(at)}: {text}" for text, at in frequencies_by_caveat.items()]
-    moduli = f"by the moduli V_P {test.v_p:.4g} m/s, V_S {test.v_s:.4g} m/s"
-    head = f"velocities in m/s over {quantity(test.distance, 'm')} from tip to tip; {moduli}"
+    moduli = f"V_P {_velocity(test.v_p)}, V_S {_velocity(test.v_s)}"
+    distance = f"over {quantity(test.distance, 'm')} from tip to tip"
+    head = f"velocities in m/s {distance}; by the moduli {moduli}"
     return "\n".join([head, "", table, *notes])
+
+
+def _velocity(velocity: float) -> str:
+    """Return a velocity of the moduli, m/s, in words."""
+    if velocity > 0:
+        return f"{velocity:.4g} m/s"
+    return "not known"

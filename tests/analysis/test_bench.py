@@ -156,6 +156,23 @@ def test_no_frequency_is_refused(crystal):
         analysis.transducers(crystal, (0.01, 0.05), [])
 
 
+def test_transducers_stand_at_both_ends_by_default(crystal):
+    """Compare with the lowest and the highest layer, of which no wave by an end is told.
+
+    Beside a rigid wall a layer follows the strain, a quarter of a period before the displacement.
+    """
+    test = analysis.transducers(crystal, frequencies_hz=[2e4], radius=1.0, direction="z")
+    quarter = test.v_p / 2e4 / 4 / test.distance
+    assert test.distance == pytest.approx(np.ptp(crystal.position[:, 2]), rel=1e-4)
+    assert test.rows[-1].velocity.value == pytest.approx(test.v_p, rel=quarter)
+    assert "end_reflections" not in test.rows[-1].velocity.codes
+
+
+def test_a_cell_without_ends_needs_places():
+    with refusal("no_ends"):
+        analysis.transducers(modal.fcc(cells=(1, 1, 4), periodic_z=True))
+
+
 def test_a_transducer_outside_the_packing_is_refused(crystal):
     with refusal("disc_outside_cell"):
         analysis.transducers(crystal, (0.01, 5.0), [1e4])
