@@ -47,6 +47,16 @@ def test_stiffness_equals_finite_differences_of_yades_forces(tmp_path, yade, kin
             assert relative_error(changed, "full") > 1e-5
 
 
+def test_cohesive_contacts_pull_across_gaps(tmp_path, yade):
+    """Compare with springs without a limit: the force is kn times the overlap, of either sign."""
+    path = tmp_path / "a.network.h5"
+    script(SCENE, ROOT, path, tmp_path / "k.h5", "pulled", folder=tmp_path)
+    network = read_network(path)
+    assert (network.overlap < 0).sum() == 3
+    expected = network.stiffness_normal * network.overlap
+    np.testing.assert_allclose(network.force_normal, expected, rtol=1e-12)
+
+
 def test_contacts_with_a_wall_are_exported(tmp_path, yade):
     path = tmp_path / "a.network.h5"
     script(SCENE, ROOT, path, tmp_path / "k.h5", "wall", folder=tmp_path)

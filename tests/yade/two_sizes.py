@@ -1,8 +1,9 @@
 """A scene of two sizes between facets, or under a Wall, with the linear law; run inside YADE.
 
-    yade -n -x -j1 two_sizes.py ROOT NETWORK.network.h5 K.h5 [cohesive | clump | wall | save]
+    yade -n -x -j1 two_sizes.py ROOT NETWORK.network.h5 K.h5 [KIND]
 
-Spheres are jostled so that contacts shear; then the scene is exported, and its tangent measured.
+KIND is cohesive, pulled, clump, wall or save. Spheres are jostled so that contacts shear; then the
+scene is exported, and its tangent measured.
 """
 
 import random
@@ -19,7 +20,7 @@ from yade_scripts.tangent import Tangent
 
 KIND = (sys.argv[4:] or [""])[0]
 glass = {"young": 1e9, "poisson": 0.4, "density": 2500, "frictionAngle": 0.5}
-if KIND == "cohesive":
+if KIND in ("cohesive", "pulled"):
     binder = {"normalCohesion": 1e12, "shearCohesion": 1e12, "momentRotationLaw": True}
     O.materials.append(wrapper.CohFrictMat(**glass, **binder, alphaKr=0.3, alphaKtw=0.7))
 else:
@@ -83,6 +84,9 @@ def main():
         state.vel = [chance.gauss(0, 0.01) for _ in range(3)]
         state.angVel = [chance.gauss(0, 10) for _ in range(3)]
     O.run(300, wait=True)
+    if KIND == "pulled":  # draw a corner sphere away from its neighbours by twice an overlap
+        O.bodies[spheres[0]].state.vel = (-6e3, -6e3, 0)
+        O.step()
     for body in spheres:
         state = O.bodies[body].state
         state.vel = state.angVel = (0, 0, 0)
