@@ -66,8 +66,9 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
 def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
     """Return copies of a sample side by side, with its shear forces, as `repeat` does.
 
-    Raises InputError for a sample in motion.
+    Raises InputError for a sample in motion, and UnavailableError for clumps.
     """
+    sample.refuse_clumps("repetition, to a sample,")
     if sample.velocity is not None or sample.strain_rate is not None:
         raise InputError(
             "in_motion", "the sample is in motion", remedy="bring it to rest first (relax)"

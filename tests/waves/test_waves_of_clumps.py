@@ -12,6 +12,7 @@ from modal.packing.clumps import parse_template
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample
 from modal.packing.state import net_forces, residual_forces
+from modal.packing.tiling import repeat_sample
 from modal.preparation.relax import relax
 from modal.waves.discs import Disc
 from modal.waves.motions import Pulse
@@ -150,6 +151,8 @@ def test_clumps_that_would_be_the_source_or_are_held_are_refused(rested):
     with refusal("clumps"):
         walled = replace(stack_of_pairs(1e-6), periodic_sides=(False, False))
         modal.propagate(walled, 1e-5, source=Plane(5e-3), direction="torsion", **options)
+    with refusal("clumps"):
+        repeat_sample(rested, 2, 1)
     held = np.zeros((len(rested.position), 6), bool)
     with refusal("held_bodies"):
         modal.propagate(replace(rested, fixed=held), 1e-5, source=Plane(5e-3), **options)
