@@ -68,6 +68,7 @@ def test_each_half_of_a_packing_of_two_stiffnesses_has_its_own():
         overlap=None,
     )
     layers = modal.velocities_by_depth(network)
+    # Moduli are known to 1e-6 by default, velocities to half of that.
     assert layers.v_p[2] / layers.v_p[1] == pytest.approx(2.0, rel=1e-6)
     assert layers.v_s[2] / layers.v_s[1] == pytest.approx(2.0, rel=1e-6)
 

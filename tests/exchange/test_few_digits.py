@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ from modal.elasticity.few_digits import modulus_error_by_digits
 from modal.elasticity.moduli import ElasticModuli
 from modal.exchange.registry import import_packing
 from modal.packing.network import read_network, write_network
-from modal.packing.precision import overlap_error, with_perturbed_overlaps
+from modal.packing.precision import OVERLAP_ERROR, overlap_error, with_perturbed_overlaps
 
 DRAWS = 10
 LINEAR = "granular hooke 1e5 0 tangential linear_history 8e4 0 0.5"
@@ -139,6 +140,16 @@ def test_a_velocity_is_off_by_half_as_much_as_its_modulus(tmp_path):
     modulus = relative_error_by_digits(network, "bulk_modulus", "Pa")
     assert relative_error_by_digits(network, "v_p", "m/s") == pytest.approx(modulus / 2)
     assert modulus > 0
+
+
+@pytest.mark.parametrize("error", [0.05, 0.3])
+def test_a_frequency_is_off_as_a_velocity_or_by_an_eighth_of_the_overlaps(tmp_path, error):
+    """Take the larger error: the second one if few digits are lost, the first if many are."""
+    network = imported(tmp_path, 12)
+    network = replace(network, study={**network.study, OVERLAP_ERROR: error})
+    of_velocity = relative_error_by_digits(network, "v_p", "m/s")
+    of_frequency = relative_error_by_digits(network, "highest_frequency", "Hz")
+    assert of_frequency == pytest.approx(max(of_velocity, error / 8))
 
 
 def test_digits_that_suffice_change_nothing(tmp_path):

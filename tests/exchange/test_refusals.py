@@ -10,6 +10,8 @@ from program_files import PackingFiles
 
 END = r"\Z"
 CGS = "ITEM: UNITS\ncgs\n"
+FORCES = "force p1 p2 p3 fx fy fz"
+SPRINGS = "hertz/material 6e10 0 0.2 tangential mindlin/force NULL"
 HERTZ = "granular hertz 4e10 0 zplane 0 1"
 LINEAR = "LinearViscoelastic"
 FIX = "fix m1 all property/global youngsModulus peratomtype 6e10 2.1e11"
@@ -63,6 +65,8 @@ LAMMPS = [
     (Replaced("log", "style granular", "style gran/shm 1 2"), "unknown_law", "'gran/shm'"),
     (Replaced("log", END, "fix r all rigid/small molecule\n"), "no_column", "line 9, column mol:"),
     (Replaced("log", "6e10", "6e7"), "other_units", "x.atoms:"),
+    (Replaced("log", SPRINGS, "hooke 0 0 tangential linear_history 1"), "not_positive", "log."),
+    (Replaced("log", FORCES, "dist eng dx dy dz cutoff"), "no_forces", "x.contacts, line 9:"),
     (Replaced("log", "units si", ""), "unknown_units", "log.lammps:", "lj", "--scales"),
     (Replaced("spheres", "ITEM: ATOMS.*", "ITEM: "), "no_item", "x.atoms, line 9:"),
     (Replaced("log", "zplane", "xplane"), "other_wall", "fix w wall/gran: xplane"),

@@ -69,6 +69,7 @@ def test_highest_modes_are_those_of_the_dense_spectrum(make):
     exact = frequency_of(dense_squares(system))
     for count in (1, 7, system.size // 4):
         modes = modes_of(system, highest=count)
+        # Converged to 1e-10 of omega^2, which is what a residual may be, and f errs by half of it.
         assert modes.frequency == pytest.approx(exact[-count:], rel=1e-9)
         assert modes.attributes["certified"]
         assert modes.residual.max() < 1e-9
@@ -118,6 +119,7 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     assert main(command) == 0
     printed = capsys.readouterr()
     output = json.loads(printed.out)
+    # Converged to 1e-10 of omega^2.
     assert output["frequency_hz"] == pytest.approx(exact[-1:], rel=1e-9)
     assert output["certified"] is False
     assert output["missing"] == 0
@@ -154,6 +156,7 @@ def test_the_top_of_a_crystal_is_found_by_products_where_no_factor_fits(monkeypa
     crystal = gallery.fcc(cells=(1, 1, 210))
     for count in (1, 2):
         modes = eigenmodes(crystal, highest=count, certify=False)
+        # Converged to 1e-10 of omega^2.
         assert modes.frequency == pytest.approx(exact[-count:], rel=1e-9)
         assert modes.attributes["solver"] == "lanczos, products"
 

@@ -50,6 +50,7 @@ def test_products_are_those_of_the_matrix(name):
 
 def test_diagonal_is_that_of_the_matrix():
     system, A, _ = dynamical_matrix_of_held()
+    # A sum of some ten contacts; what cancels in it is round-off of the largest entry.
     np.testing.assert_allclose(system.diagonal, A.diagonal(), rtol=1e-12, atol=1e-14 * A.max())
 
 
@@ -58,6 +59,7 @@ def test_product_with_tensors_of_inertia():
     system = LinearSystem.of(with_inertia_tensors())
     u = np.random.default_rng(3).standard_normal(system.size)
     A = system.dynamical_matrix
+    # Some 30 terms a row, each with an error of eps; the roots of tensors add their condition.
     atol = 1e-12 * abs(A).max()
     np.testing.assert_allclose(system.operator.apply(u), A @ u, atol=atol)
 
@@ -68,6 +70,7 @@ def test_root_of_tensors_of_inertia_keeps_the_free_turns():
     u = np.random.default_rng(3).standard_normal(network.fixed.size)
     root_mass = RootMass.of(network)
     free_motions = np.where(network.free_motions.ravel(), u, 0)
+    # Roots of 3 x 3 tensors of condition below 10: some hundred eps of a number of order 1.
     np.testing.assert_allclose(root_mass.times(root_mass.over(u)), free_motions, atol=1e-12)
 
 
@@ -110,6 +113,7 @@ def test_dashpots_at_a_held_body_are_those_at_a_wall(chains):
     damping = ContactDamping(0.1, 0.2)
     expected = damping.dashpots(with_wall).stiffness_normal
     dashpots = damping.dashpots(held).stiffness_normal[common]
+    # One closed form in both: round-off of some ten operations.
     np.testing.assert_allclose(dashpots, expected, rtol=1e-12)
 
 

@@ -129,6 +129,7 @@ def test_a_disc_records_the_mean_of_its_spheres(crystal, layer_wave):
 def test_a_record_has_the_heights_of_its_discs(layer_wave):
     wave, _, discs = layer_wave
     heights = [disc.centre[2] for disc in discs]
+    # The discs were put at heights that are rounded to 1e-9 m; the lowest is 1e-3 m.
     assert wave.disc_position[:, 2] == pytest.approx(heights, rel=1e-6)
     assert wave.source_position[2] == pytest.approx(heights[0], rel=1e-6)
 

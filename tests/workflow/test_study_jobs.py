@@ -61,6 +61,19 @@ def test_small_reverse_wave_has_the_negative_amplitude(paper_jobs):
     assert line["amplitude"] == pytest.approx(-2.5e-11, rel=1e-6, abs=0)
 
 
+@pytest.mark.parametrize(
+    ("stage", "files"),
+    [
+        ("wave", ["products/case06.signals.h5"]),
+        ("split", ["products/results/case06.agreement.csv"]),
+        ("result", ["products/results/case06.json"]),
+        ("page", ["products/study/study.html"]),
+    ],
+)
+def test_a_stage_ends_with_its_files(stage, files, jobs):
+    assert jobs.Jobs(PATHS | {"stage": stage, "cases": [6]}).targets() == files
+
+
 def test_further_wave_has_its_own_frequency(paper_jobs):
     assert paper_jobs.line("case03", "wave")["input_frequency"] == 2e5
     assert paper_jobs.line("case03", "wave", run="100kHz")["input_frequency"] == 1e5
