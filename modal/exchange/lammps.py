@@ -276,6 +276,41 @@ def check_material(young: float, poisson: float, place: str) -> Elasticity:
     return Elasticity(young, poisson)
 
 
+class TypedPair(NamedTuple):
+    """A typed law: the words of pair_style, and of pair_coeff with its two types."""
+
+    style: tuple[str, ...]
+    coefficients: tuple[str, ...]
+
+
+def parse_typed_pair(text: str) -> TypedPair:
+    """Return the law of --pair: the words behind pair_style, or whole lines of a script.
+
+    The words of a normal model alone are those of `granular`. Raises InputError for no words.
+
+    >>> parse_typed_pair("hooke 1e5 0").style
+    ('granular', 'hooke', '1e5', '0')
+    >>> parse_typed_pair("pair_style granular; pair_coeff 1 * hooke 1e5 0")
+    TypedPair(style=('granular',), coefficients=('1', '*', 'hooke', '1e5', '0'))
+    """
+    words = text.replace(";", " ").split()
+    if words[:1] == ["pair_style"]:
+        words.pop(0)
+    if "pair_coeff" in words:
+        place = words.index("pair_coeff")
+        style = tuple(words[:place]) or ("granular",)
+        coefficients = tuple(words[place + 1 :])
+        if len(coefficients) > 1 and "pair_coeff" not in coefficients:
+            return TypedPair(style, coefficients)
+        problem = "one line of pair_coeff is understood, with its two types"
+        refuse("--pair", "no_law", problem, remedy=f"give {EXAMPLE}, or the log (--log)")
+    if not words:
+        refuse("--pair", "no_law", "it is empty", remedy=f"give {EXAMPLE}")
+    if words[0] in NORMAL:
+        words.insert(0, "granular")
+    return TypedPair(tuple(words), ("*", "*", *words[1:]))
+
+
 class _PairCoefficients(NamedTuple):
     """One line of pair_coeff: the types on its two sides, and their law."""
 

@@ -160,13 +160,10 @@ def read_typed_laws(pair: str, wall: str | None, units: Units) -> TypedLaws:
 
     A wall without a law of its own (only `zplane LOW HIGH`) has the law of the spheres.
     """
-    words = pair.split()
-    if words and words[0] in lammps.NORMAL:
-        words.insert(0, "granular")
-    if not words:
-        refuse("--pair", "no_law", "it is empty", remedy=f"give {lammps.EXAMPLE}")
-    program = liggghts if words[0] == "gran" else lammps
-    script = Script(style=tuple(words), pair_coefficients=[("*", "*", *words[1:])])
+    typed = lammps.parse_typed_pair(pair)
+    program = liggghts if typed.style[0] == "gran" else lammps
+    words = [typed.style[0], *(typed.coefficients[2:] or typed.style[1:])]
+    script = Script(style=typed.style, pair_coefficients=[typed.coefficients])
     if wall:
         wall_words = wall.split()
         if wall_words[0] == "zplane" and program is lammps:

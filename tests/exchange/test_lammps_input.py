@@ -9,7 +9,13 @@ import numpy as np
 import program_files
 import pytest
 from places import PACKINGS
-from program_files import PackingFiles, assert_same_contacts
+from program_files import (
+    COLUMN_PAIR,
+    COLUMN_WALL,
+    PackingFiles,
+    assert_same_contacts,
+    column,
+)
 from refusals import refusal
 
 import modal
@@ -270,3 +276,27 @@ def test_numbers_of_bodies_need_a_log(paired):
     files.refused("unknown_bodies", "x.atoms:", **law)
     files.spoil("spheres", "mol", "vx")
     files.refused("no_bodies", "--bodies:", **law, bodies=files.log)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "hooke",
+        "pair_style granular hooke",
+        "pair_coeff * * hooke",
+        "pair_coeff 1 1 hooke",
+        "pair_style granular; pair_coeff * * hooke",
+        "pair_style granular\npair_coeff * * hooke",
+    ],
+)
+def test_typed_law_may_be_whole_lines_of_a_script(tmp_path, lines):
+    pair = COLUMN_PAIR.replace("granular hooke", lines)
+    network = modal.read(column(tmp_path), pair=pair, wall=COLUMN_WALL)
+    assert network.n_contacts == 4
+    np.testing.assert_array_equal(network.stiffness_normal, 1e5)
+
+
+@pytest.mark.parametrize("pair", ["pair_coeff 1", "pair_coeff 1 1 hooke 1 0 pair_coeff 2 2", "; "])
+def test_typed_lines_that_are_no_law_are_refused(tmp_path, pair):
+    with refusal("no_law", "--pair"):
+        modal.read(column(tmp_path), pair=pair, wall=COLUMN_WALL)

@@ -127,7 +127,7 @@ def read(
 
 def _is_of_liggghts(request: Request) -> bool:
     """Tell whether the typed law or the log is one of LIGGGHTS."""
-    if (request.pair or "").split()[:1] == ["gran"]:
+    if request.pair and lammps.parse_typed_pair(request.pair).style[0] == "gran":
         return True
     return bool(request.log) and b"LIGGGHTS" in read_beginning(request.log or "")
 
@@ -135,10 +135,10 @@ def _is_of_liggghts(request: Request) -> bool:
 def _apply_typed_lines(script: Script, request: Request) -> None:
     """Replace the law and the walls of the log by those that were typed."""
     if request.pair:
-        words = request.pair.split()
+        typed = lammps.parse_typed_pair(request.pair)
         script.place = "--pair"
-        script.style = tuple(words)
-        script.pair_coefficients = [("*", "*", *words[1:])]
+        script.style = typed.style
+        script.pair_coefficients = [typed.coefficients]
     if request.wall:
         script.walls = {dump.TYPED_WALL: tuple(request.wall.split())}
 
