@@ -150,6 +150,7 @@ NUMBERS: Final[Mapping[str, NumberMeaning]] = {
     "columns_with_value": NumberMeaning("columns with a value"),
     "columns": NumberMeaning("of"),
     "length": NumberMeaning("length in diameters"),
+    "short_excess": NumberMeaning("share by which a velocity may be too high in short packings"),
     "spread": NumberMeaning("spread of crossings and windows, divided by the frequency"),
     "change": NumberMeaning("relative change on the stretches beside"),
     "source_end": NumberMeaning("the source sends enough up to", "Hz"),

@@ -11,11 +11,6 @@ and its mean omega^2 equals e . A e.
 No mode is computed: S is the expansion of the delta function in Chebyshev polynomials of the
 operator (kernel polynomials: Weisse et al., Rev. Mod. Phys. 78, 275, 2006), in omega as in
 `modal.modes.density`. The files are "granular-structure-factor", version 1.
-
-A wave loses its energy to others at a rate of 2 pi times the full width, in Hz, of the ridge. The
-mean free path is the velocity divided by this rate. Where it falls to half a wavelength, l = lambda
-/ 2 (pi times the width is then the frequency), there is no plane wave any more: this is the limit
-of Ioffe and Regel, a low-pass frequency that needs no threshold.
 """
 
 from collections.abc import Callable
@@ -25,7 +20,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from analysis.estimators.fits import PowerLaw, power_law, summit
+from analysis.estimators.fits import summit
+from analysis.estimators.scattering import Scattering
 from modal.formats.column import stored
 from modal.formats.product import product_of
 from modal.formats.provenance import Provenance
@@ -42,88 +38,13 @@ VERSION = 1
 POLARISATIONS = {"L": 2, "T": 4}
 """Number of patterns of one plane wave: a cosine and a sine, for transverse waves along both
 directions across the wave vector."""
-POWER_RANGE = (0.7, 1.3)
-"""Range of frequencies, relative to a central one, in which the width's power law is fitted."""
 SMALLEST_WIDTH_RATIO = 0.5
 """Least width, relative to the resolution, that counts as a width of the wave."""
-LOST_WIDTH_RATIO = 0.5
-"""A width below this part of the largest width at lower frequencies is not that of a ridge: the
-maximum is a single line of noise."""
 LINES_PER_RESOLUTION = 5
 """Number of computed frequencies within the full width of a single mode's line."""
 HIGHEST_FREQUENCY_RATIO = 0.999
 """Highest frequency, divided by that of the spectral bound: at the bound the Chebyshev expansion
 diverges."""
-
-
-@dataclass(frozen=True)
-class Scattering:
-    """The ridge of a structure factor, where its width is larger than the resolution.
-
-    Attributes
-    ----------
-    frequency : ndarray (n,)
-        Frequencies, Hz, rising.
-    width : ndarray (n,)
-        Full width at half height, Hz.
-    velocity : float
-        Velocity of the long waves, m/s.
-    diameter : float
-        Mean diameter of the spheres, m.
-    """
-
-    frequency: np.ndarray
-    width: np.ndarray
-    velocity: float
-    diameter: float
-
-    def free_path(self, frequency: float) -> float:
-        """Return the mean free path at a frequency, Hz, in diameters: V / (2 pi width).
-
-        The logarithm of the width is interpolated linearly in that of the frequency; NaN outside
-        the ridge.
-        """
-        if len(self.width) < 2 or not np.isfinite(frequency) or frequency <= 0:
-            return np.nan
-        log_width = np.interp(
-            np.log(frequency), np.log(self.frequency), np.log(self.width), np.nan, np.nan
-        )
-        return float(self.velocity / (2 * np.pi * np.exp(log_width)) / self.diameter)
-
-    @property
-    def limit(self) -> float:
-        """Return the Ioffe-Regel frequency, Hz: the lowest that equals pi times the width.
-
-        NaN if pi times the width is below the frequency everywhere, or above it at the first point.
-        """
-        excess = np.pi * self.width / self.frequency
-        beyond = np.flatnonzero(excess >= 1)
-        if not len(beyond) or beyond[0] == 0:
-            return np.nan
-        pair = [beyond[0] - 1, beyond[0]]
-        log_frequency = np.interp(0, np.log(excess[pair]), np.log(self.frequency[pair]))
-        return float(np.exp(log_frequency))
-
-    def of_waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return frequency, Hz, width, Hz, and mean free path, D, up to the Ioffe-Regel frequency.
-
-        The arrays end earlier where the width falls below `LOST_WIDTH_RATIO` of the largest width
-        at lower frequencies: there the maximum is not a ridge but a single line of noise.
-        """
-        largest_width = np.maximum.accumulate(self.width)
-        lost = np.append(self.width < LOST_WIDTH_RATIO * largest_width, True)
-        beyond = np.append(np.pi * self.width >= self.frequency, True)
-        count = min(int(np.argmax(lost)), int(np.argmax(beyond)) + 1)
-        width = self.width[:count]
-        free_path = self.velocity / (2 * np.pi * width) / self.diameter
-        return self.frequency[:count], width, free_path
-
-    def power(self, frequency: float) -> PowerLaw:
-        """Fit the width as a power of the frequency, within `POWER_RANGE` of `frequency`, Hz."""
-        low = POWER_RANGE[0] * frequency
-        high = POWER_RANGE[1] * frequency
-        near = (self.frequency > low) & (self.frequency < high)
-        return power_law(self.frequency[near], self.width[near])
 
 
 class PowerPeak(NamedTuple):

@@ -7,7 +7,8 @@ import numpy as np
 
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import DECAY, STRETCH, Coherent
-from analysis.estimators.structure_factor import POWER_RANGE, Scattering, structure_factor
+from analysis.estimators.scattering import POWER_RANGE, Scattering
+from analysis.estimators.structure_factor import structure_factor
 from analysis.estimators.threshold_rule import spectra
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.passband import low_pass_2, scale

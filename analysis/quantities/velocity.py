@@ -224,9 +224,12 @@ def _measure_long_waves(packing: PackingData, key: str) -> Value:
     if packing.crystal:
         return velocity
     numbers = {"length": length, "limit": MIN_LENGTH_IN_DIAMETERS}
+    is_short = length < MIN_LENGTH_IN_DIAMETERS
+    if is_short:
+        numbers["short_excess"] = RELATIVE_EXCESS_IN_SHORT_PACKING
     limit = limit_step(numbers, "length", "limit", least=True)
     velocity = replace(velocity, steps=(*velocity.steps, limit))
-    if not velocity.known or limit.outcome == "kept":
+    if not velocity.known or not is_short:
         return velocity
     values = {
         "length": length,

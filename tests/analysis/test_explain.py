@@ -128,6 +128,20 @@ def test_how_the_error_of_v_p_comes_about(packing):
     assert parts["window"] == pytest.approx(4.0 / (5.0 - 3.0) * change)
     assert (length["kind"], length["outcome"]) == ("limit", "fallen_short")
     assert length["numbers"]["length"] < length["numbers"]["limit"] == 15.0
+    assert parts["length"] == length["numbers"]["short_excess"] * value.value
+
+
+def test_how_the_error_of_the_low_pass_frequency_comes_about(values):
+    """Find half the distance of crossings, their change with the window, and a line's spread."""
+    value = values["low_pass_unbiased"]
+    main_window, weaker, stronger, line, _ = [step.numbers for step in value.steps]
+    assert value.value == main_window["fitted_crossing"]
+    crossings = main_window["last_crossing"] - main_window["first_crossing"]
+    change = weaker["fitted_crossing"] - stronger["fitted_crossing"]
+    # The standard deviation of a uniform distribution over the width of a line.
+    spread = line["resolution"] / np.sqrt(12)
+    expected = np.linalg.norm([crossings / 2, change, spread])
+    assert value.error == pytest.approx(expected)
 
 
 def test_every_name_of_an_explanation_has_a_meaning(values):

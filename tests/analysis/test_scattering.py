@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.estimators.resonances import fitted_wavenumbers, long_wave_velocity
-from analysis.estimators.structure_factor import Scattering, StructureFactor
+from analysis.estimators.scattering import Scattering
+from analysis.estimators.structure_factor import StructureFactor
 from analysis.packing_data import PackingData
 from analysis.quantities import gain
 from modal.packing.crystal import fcc
