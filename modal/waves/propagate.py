@@ -206,8 +206,7 @@ def propagate(
     >>> wave = propagate(modal.fcc(cells=(1, 1, 30)), duration=5e-5)
     >>> wave.signals.chain_displacement.shape
     (51, 30)
-    >>> from modal.waves.taylor_series import by_series
-    from modal.waves.sources import Plane
+    >>> from modal.waves.sources import Plane
     >>> endless = modal.fcc(cells=(1, 1, 40), periodic_z=True)
     >>> shear = propagate(endless, 2e-5, source=Plane(endless.length / 2), direction="x")
     >>> shear.signals.layer_displacement.shape
