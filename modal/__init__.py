@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from modal.elasticity.sensitivity import moduli_sensitivity as moduli_sensitivity
     from modal.elasticity.static_response import elastic_moduli as elastic_moduli
     from modal.exchange.registry import read as read
-    from modal.exchange.spheres import from_spheres as from_spheres
+    from modal.exchange.spheres_of_arrays import from_spheres as from_spheres
     from modal.modes.counts import count_modes as count_modes
     from modal.modes.density import density_of_states as density_of_states
     from modal.modes.eigenmodes import eigenmodes as eigenmodes
@@ -55,7 +55,7 @@ _MODULES = {
     "fcc": "modal.packing.crystal",
     "frequency_response": "modal.waves.response",
     "frequency_sensitivity": "modal.modes.sensitivity",
-    "from_spheres": "modal.exchange.spheres",
+    "from_spheres": "modal.exchange.spheres_of_arrays",
     "mass_matrix": "modal.system.matrices",
     "moduli_sensitivity": "modal.elasticity.sensitivity",
     "propagate": "modal.waves.propagate",

@@ -17,7 +17,8 @@ from modal.exchange.import_result import ImportResult
 from modal.exchange.lines import Lines
 from modal.exchange.refusals import refuse
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres
+from modal.exchange.spheres_to_contacts import import_spheres
 from modal.exchange.words import Words
 from modal.tools.arrays import Floats
 

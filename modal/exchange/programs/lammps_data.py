@@ -17,7 +17,8 @@ from modal.exchange.particles_and_contacts import Cell
 from modal.exchange.refusals import refuse
 from modal.exchange.rows import Rows
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres
+from modal.exchange.spheres_to_contacts import import_spheres
 from modal.tools.arrays import Bools
 
 NAME = "a data file of LAMMPS"

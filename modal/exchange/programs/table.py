@@ -38,7 +38,8 @@ from modal.exchange.sphere_table import (
     read_sphere_table,
     separator_of,
 )
-from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres
+from modal.exchange.spheres_to_contacts import import_spheres
 from modal.exchange.words import Words
 from modal.formats.hdf5 import named
 from modal.packing.contact_checks import check_force_ratio

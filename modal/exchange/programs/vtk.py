@@ -19,7 +19,8 @@ from modal.exchange.refusals import refuse
 from modal.exchange.registry import Option
 from modal.exchange.sphere_table import read_heading
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres
+from modal.exchange.spheres_to_contacts import import_spheres
 from modal.formats.tables import load_optional
 from modal.tools.arrays import Array, Floats
 

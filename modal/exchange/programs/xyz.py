@@ -19,7 +19,8 @@ from modal.exchange.refusals import refuse
 from modal.exchange.rows import Rows
 from modal.exchange.sphere_table import NAMES, read_heading
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres
+from modal.exchange.spheres_to_contacts import import_spheres
 
 NAME = "extended XYZ"
 OPTIONS = SPHERE_OPTIONS
