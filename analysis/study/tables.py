@@ -244,5 +244,5 @@ def tabulate_side_by_side(spec: Spec, cases: pd.DataFrame) -> Cells:
         parts.append(pd.DataFrame(lines, columns=[first, *names]).set_index(first))
     if not parts:
         return [], []
-    joined = pd.concat(parts, axis=1).reset_index()
+    joined = pd.concat(parts, axis=1).reset_index().fillna("")
     return list(joined), [line for line in joined.to_numpy().tolist() if any(line[1:])]

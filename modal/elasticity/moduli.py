@@ -227,7 +227,7 @@ class ElasticModuli(Drawn, Tabular):
                 "together"
             )
             remarks.append(Remark("walls_in_moduli", text))
-        if self.asymmetry > UNEVEN_ASYMMETRY and self.region == "bulk":
+        if self.asymmetry > UNEVEN_ASYMMETRY and self.region != "box":
             text = (
                 f"not symmetric by {self.asymmetry:.1%}: the bulk is not even along z; its moduli "
                 "may be off by twice that; take a longer packing, or one whose walls hold it firmly"

@@ -29,7 +29,7 @@ def read_number(page: str, pattern: str) -> float:
     [
         ("choose.md", r"at least (\d+) D wide", MIN_WIDTH_IN_DIAMETERS),
         ("choose.md", r"velocities a length of (\d+) D", LONG_FOR_VELOCITY),
-        ("choose.md", r"low-pass frequencies a length of (\d+) D", LONG_FOR_LOW_PASS),
+        ("choose.md", r"low-pass frequencies (\d+) D", LONG_FOR_LOW_PASS),
         ("choose.md", r"must be at least (\d+) D long", LONG_FOR_LOW_PASS),
         ("lammps.md", r"at least (\d+) D x 8 D x 50 D", MIN_WIDTH_IN_DIAMETERS),
         ("lammps.md", r"at least 8 D x 8 D x (\d+) D", LONG_FOR_LOW_PASS),
@@ -43,9 +43,9 @@ def test_documents_advise_what_the_code_asks_for(page, pattern, constant):
 @pytest.mark.parametrize(
     ("page", "pattern", "length"),
     [
-        ("choose.md", r"usual width ([\d,]+)\)", LONG_FOR_VELOCITY),
-        ("choose.md", r"low-pass frequencies a length of 50 D \(([\d,]+)\)", LONG_FOR_LOW_PASS),
-        ("tutorial.md", r"a packing of ([\d,]+) spheres is long enough", LONG_FOR_LOW_PASS),
+        ("choose.md", r"velocities a length of 25 D \(([\d,]+) spheres\)", LONG_FOR_VELOCITY),
+        ("choose.md", r"low-pass frequencies 50 D \(([\d,]+)\)", LONG_FOR_LOW_PASS),
+        ("tutorial.md", r"a low-pass frequency, which takes ([\d,]+) spheres", LONG_FOR_LOW_PASS),
     ],
 )
 def test_as_many_spheres_as_the_documents_say_make_that_length(page, pattern, length):
