@@ -8,8 +8,8 @@ wavelength, radius of the discs and stress, for P- and S-waves, in packings of t
 `python examples/transducers.py FOLDER` writes the figure and the tables into a folder. It reads
 `bias.csv` in `results/transducers`; `python examples/transducers.py FOLDER measure` first makes
 this table from the committed samples, place by place, and leaves out what the table has already.
-`measure PACKINGS` does so with the packings in further folders, PACKINGS/MU_SEED/*Pa.sample.h5 with
-friction and seed in the place of MU and SEED, as `python -m modal pack` writes them.
+`measure PACKINGS` does so with the packings in further folders, `PACKINGS/MU_SEED`, with friction
+and seed in the place of MU and SEED, as `python -m modal pack` writes them.
 """
 
 import sys

@@ -188,8 +188,8 @@ def read(path: str | Path, **options: object) -> Network:
     path : str or Path
         The file.
     **options : object
-        Further files and lines that a file of another program needs, by the option names of `python
-        -m modal import`: `modal.read("x.atoms", contacts="x.contacts", log="log.lammps")`.
+        Further files and lines that a file of another program needs, by the option names of
+        `python -m modal import`: `modal.read("x.atoms", contacts="x.contacts", log="log.lammps")`.
 
     Returns
     -------
