@@ -113,6 +113,8 @@ def _creep(sample: Sample, stress: float, *, mobilised: bool) -> Sample:
     """
     friction = friction_at_rest(sample, mobilised=mobilised)
     crept = bring_to_stress(replace(sample, friction=friction), stress, say, CREEP_RESIDUAL)
+    if not crept.study["settled"]:
+        say(f"the sample still creeps at {stress:g} Pa; it comes to rest at a fixed cell from here")
     return replace(crept, friction=sample.friction)
 
 
@@ -123,6 +125,12 @@ def _bring_scan_to_rest(options: Options) -> Result:
     if friction is None:
         friction = network.noted("mu_wave") or 0.0
     sample = bring_to_stress(sample_of_scan(network, friction), options.stress, say)
+    if not sample.study["settled"]:
+        raise InputError(
+            "not_at_rest",
+            f"the spheres do not come to rest at {options.stress:g} Pa",
+            remedy="give another stress, or check radii and cell",
+        )
     state = measure_equilibrium(sample)
     if friction:
         sample, state = relax(sample, tolerance=options.tolerance, mobilised=options.mobilised)

@@ -15,6 +15,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import friction_used, net_forces, stress_tensor
 from modal.preparation import relax as relaxation
+from modal.preparation import scanned
 from modal.preparation.protocol import SETTLED
 from modal.preparation.relax import (
     ACCEPTED_RESIDUAL,
@@ -252,6 +253,18 @@ def test_sample_creeps_under_its_stress(tmp_path):
     assert friction_used(sheared.network(), 0.1).max() > 1.2
     # Shear forces are cut back to the limit of the normal force at that step.
     assert friction_used(rested.network(), 0.1).max() < 1 + 1e-6
+
+
+def test_sample_that_still_creeps_comes_to_rest_all_the_same(tmp_path, monkeypatch):
+    """Ask for a residual that no servo reaches: the cell is then fixed, and the sample rests."""
+    monkeypatch.setattr(relax_command, "CREEP_RESIDUAL", 1e-14)
+    monkeypatch.setattr(scanned, "MAX_CHECKPOINTS", 1)
+    path = tmp_path / "a.sample.h5"
+    out = tmp_path / "b.sample.h5"
+    loose = random_sample(250, 1e6, seed=2, aspect=1.2, tolerance=1e-3)
+    write_sample(path, replace(loose, friction=0.3))
+    assert main(["relax", str(path), "--stress", "1e6", "-o", str(out)]) == 0
+    assert read_sample(out).study["at_rest"]
 
 
 def test_balance_is_that_of_the_returned_sample(packed):
