@@ -137,10 +137,10 @@ scatter_of_samples = pd.DataFrame([pool_scatter(key) for key in SCATTERING])
 print(scatter_of_samples.to_string(index=False, float_format="%.3g"))
 
 # %%
-# **The highest frequency under one stress.** The paper's differ by less than 3 % between the crystal
-# and two random packings. Here random packings count with the mean of their samples. The spread is
-# the largest of the three over the smallest, less 1; its error comes from the scatter of samples.
-
+# **The highest frequency under one stress.** The paper's differ by less than 3 % between the
+# crystal and two random packings. Here random packings count with the mean of their samples. The
+# spread is the largest of the three over the smallest, less 1; its error comes from the scatter of
+# samples.
 RANDOM = {"friction 0": 5, "friction 0.4": 29}
 """First of the four cases, from 10 kPa to 10 MPa, of each kind of random packing."""
 CRYSTAL = 1
