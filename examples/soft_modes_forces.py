@@ -129,15 +129,16 @@ def compare(modes):
     return pd.DataFrame(rows)
 
 
-if __name__ == "__main__":
-    modes = gather(Path(sys.argv[1]))
-    modes.to_csv(HOME / "forces.csv", index=False, float_format="%.7g")
-    compared = compare(modes)
-    print(compared.to_string(index=False, float_format="%.4g"))
+if __name__ == "__main__" and len(sys.argv) == 2:
+    gather(Path(sys.argv[1])).to_csv(HOME / "forces.csv", index=False, float_format="%.7g")
+
+compared = compare(pd.read_csv(HOME / "forces.csv"))
+print(compared.to_string(index=False, float_format="%.4g"))
+
+if __name__ == "__main__" and len(sys.argv) == 2:
     page = {"z": "{z:.2f}", "friction": "{friction:g}", "packings": "{packings}"}
     page |= {"modes, 0.1 to 0.5 f*": "{modes}", "change, %": "{change_percent:.2f}"}
     page |= {"scatter, %": "{scatter_percent:.2f}", "slope of the change": "{slope:.4f}"}
     page["motions that release energy, a packing"] = "{unstable:.1f}"
-    percent = {name: 100 * compared[name] for name in ("change", "scatter")}
-    table = compared.assign(**{f"{name}_percent": values for name, values in percent.items()})
-    write_page(HOME / "forces.md", table, page)
+    percent = {f"{name}_percent": 100 * compared[name] for name in ("change", "scatter")}
+    write_page(HOME / "forces.md", compared.assign(**percent), page)
