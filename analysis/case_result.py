@@ -18,7 +18,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from analysis.case_columns import OF_RECORD, Cell, cell_of_value, of_one_producer, paper_column
+from analysis.case_columns import (
+    OF_RECORD,
+    PRODUCER_NAMES,
+    Cell,
+    cell_of_value,
+    of_one_producer,
+    paper_column,
+)
 from analysis.value import Value
 
 
@@ -115,14 +122,26 @@ class CaseResult:
         The scatter contains the error. NaN if neither is known.
         """
         cell = self.columns.get(column, Cell(np.nan))
-        return float(np.fmax(cell.error, self.samples.get(column, np.nan)))
+        return float(np.fmax(cell.error, self.scatter(column)))
+
+    def scatter(self, column: str) -> float:
+        """Return the standard deviation of a column over packings; NaN if it is not known.
+
+        What is read from a record of YADE or from the linear wave scatters like the quantity of the
+        case that is read by the same rule: packings of other seeds may have one of both records.
+        """
+        for name, of_record in OF_RECORD.items():
+            is_same_rule = column in (of_record.format(record=record) for record in PRODUCER_NAMES)
+            if is_same_rule and column not in self.samples:
+                return self.samples.get(name, np.nan)
+        return self.samples.get(column, np.nan)
 
     @property
     def group(self) -> str:
         """Return the group whose cases figures join by lines: FCC, or a friction coefficient."""
         if self.crystal:
             return "FCC"
-        return f"random, mu_comp {self.mu_comp:g}"
+        return f"random, friction {self.mu_comp:g} during compression"
 
 
 def scatter_of_samples(packings: Sequence[CaseResult]) -> dict[str, float]:

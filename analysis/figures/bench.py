@@ -40,7 +40,7 @@ def traces(test: TransducerTest, velocity: float) -> Picture:
 def _panel(pair: RecordPair, distance: float, velocity: float) -> Panel:
     """Draw the two traces of one frequency."""
     title = f"{pair.frequency / 1e3:.4g} kHz"
-    panel = Panel("time (ms)", "motion over its largest", title)
+    panel = Panel("time (ms)", "motion over its largest (-)", title)
     time = 1e3 * pair.time
     panel.line(time, pair.source / abs(pair.source).max(), "source", color="0.7")
     largest = float(abs(pair.receiver).max()) or 1.0

@@ -13,6 +13,7 @@ from analysis.frame import numbers
 
 COMMON_STRESS = 1e5
 """Stress, Pa, of the curves that are drawn if cases of several stresses have curves."""
+GAIN = "gain: received over sent stress (-)"
 FIRST_RESONANCES = 10
 """Range of the gain factor that is drawn for one case, in orders of resonances."""
 
@@ -21,12 +22,13 @@ def velocity_cases(cases: pd.DataFrame) -> Picture:
     """Draw Fig. 6: V_P by first peaks against void ratio (with trend to FCC) and stress."""
     producer, name = of_one_producer(cases["record"], "v_p_first_peaks_{record}_m_per_s")
     label = f"$V_P$, first peaks, {producer} (m/s)"
-    left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
+    left = Panel(groups.VOID_RATIO, label, "(a)", yscale="log", legend="outside")
     right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
     legend(left, cases, frictions=False)
     for _, members in cases.groupby("stress"):
         _draw_trend(left, members, name)
     scatter(left, cases, name)
+    groups.explain_groups(right, cases)
     for group, members, style in styles(cases):
         stress = members["stress"]
         law = power_law(stress, numbers(members, name))
@@ -63,7 +65,7 @@ def _draw_trend(panel: Panel, cases: pd.DataFrame, name: str) -> None:
 def highest_frequency(cases: pd.DataFrame) -> Picture:
     """Draw Fig. 8: highest natural frequency divided by that of FCC at the same stress."""
     crystal = cases[cases["kind"] == "fcc"]
-    panel = Panel("stress (kPa)", "$f_{max}$ over that of FCC", xscale="log", legend="outside")
+    panel = Panel("stress (kPa)", "$f_{max}$ over that of FCC (-)", xscale="log", legend="outside")
     over = ""
     if crystal.empty:
         panel.ylabel = "$f_{max}$ (kHz)"
@@ -81,7 +83,7 @@ def low_pass_cases(cases: pd.DataFrame) -> Picture:
     """Draw Fig. 16: f_low-pass, 2 % of the whole map, against void ratio and stress."""
     producer, name = of_one_producer(cases["record"], "f_low_pass_2_{record}_khz")
     label = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
-    left = Panel("void ratio", label, "(a)", yscale="log", legend="lower left")
+    left = Panel(groups.VOID_RATIO, label, "(a)", yscale="log", legend="lower left")
     right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
     stated = "f_low_pass_2_khz"
     scatter(left, cases, name, stated=stated)
@@ -100,6 +102,7 @@ def velocity_low_pass(cases: pd.DataFrame) -> Picture:
     ylabel = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
     panel = Panel(xlabel, ylabel, legend="outside", **LOG)
     _draw_stated_slopes(panel, random_of(cases), velocity, frequency)
+    groups.explain_groups(panel, cases)
     for group, members, style in styles(cases):
         law = power_law(numbers(members, velocity), numbers(members, frequency))
         if np.isfinite(law.exponent):
@@ -135,7 +138,7 @@ def wavelength_cases(cases: pd.DataFrame) -> Picture:
     panels = []
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
         producer, name = of_one_producer(cases["record"], f"lambda_{percent}_{{record}}_over_d")
-        panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer}", letter)
+        panel = Panel(groups.VOID_RATIO, rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer} (-)", letter)
         panel.yscale = "log"
         panel.xlim = span
         panel.legend = "outside"
@@ -178,7 +181,7 @@ def _draw_gains(rows: list[CaseResult], letter: str) -> Panel:
     title = f"{letter} {rows[0].group}"
     if len(rows) > 1:
         title += ", each stress a decade lower"
-    panel = Panel("frequency over $f_1$", "gain factor", title, yscale="log", ylim=(1e-6, 10))
+    panel = Panel("frequency over $f_1$ (-)", GAIN, title, yscale="log", ylim=(1e-6, 10))
     for k, row in enumerate(rows):
         frequency, gain = row.curves["gain"]
         edge = np.inf
@@ -207,7 +210,7 @@ def _draw_gain(row: CaseResult, letter: str) -> Panel:
     top = FIRST_RESONANCES * row.curves["first"][0][0]
     shown = frequency < top
     title = f"{letter} {row.label}"
-    panel = Panel("frequency (kHz)", "gain factor", title, legend="upper right")
+    panel = Panel("frequency (kHz)", GAIN, title, legend="upper right")
     panel.xlim = (0, top / 1e3)
     panel.ylim = (0, 1.4 * float(gain[shown].max()))
     panel.line(frequency[shown] / 1e3, gain[shown], "gain", color="k")
@@ -232,7 +235,7 @@ def isostaticity(cases: pd.DataFrame) -> Picture:
         ("ioffe_regel_khz", "Ioffe-Regel limit"),
     ):
         ratio = numbers(random, name) / highest
-        panel = Panel(groups.BEYOND, "", title, legend="upper left")
+        panel = Panel(groups.BEYOND, "frequency over the highest (-)", title, legend="upper left")
         if (np.isfinite(ratio) & np.isfinite(contacts)).sum() > 2:
             line = straight_line(contacts, ratio)
             zero = groups.ISOSTATIC - line.offset / line.slope
@@ -240,7 +243,6 @@ def isostaticity(cases: pd.DataFrame) -> Picture:
             panel.line(along, line.slope * along + line.offset, text, color="k", lw=0.8)
         scatter(panel, random, name, over="f_max_khz")
         panels.append(panel)
-    panels[0].ylabel = "frequency over the highest"
     panels[2].legend = "outside"
     legend(panels[2], random)
     return Picture(panels, columns=3, shape=(13, 3.8))
@@ -255,13 +257,13 @@ def scattering(cases: pd.DataFrame) -> Picture:
     members = groups.with_curve(cases, "ridge", "structure factor")
     # Most cases have this stress; of several such stresses it is the nearest to the common one.
     stress = min(members["stress"].mode(), key=_decades_from_common_stress)
-    axis = "frequency, $f D / V_P$"
+    axis = "frequency, $f D / V_P$ (-)"
     title = f"{stress / 1e3:g} kPa"
-    width = Panel(axis, "full width of the ridge over $f$", f"(a) {title}", **LOG)
-    path = Panel(axis, "mean free path / D", f"(b) {title}", legend="outside", **LOG)
-    limit = Panel("void ratio", "Ioffe-Regel frequency (kHz)", "(c)", yscale="log")
+    width = Panel(axis, "full width of the ridge over $f$ (-)", f"(a) {title}", **LOG)
+    path = Panel(axis, "mean free path / D (-)", f"(b) {title}", legend="outside", **LOG)
+    limit = Panel(groups.VOID_RATIO, "Ioffe-Regel frequency (kHz)", "(c)", yscale="log")
     ratio = Panel(
-        groups.ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)", legend="outside"
+        groups.ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 % (-)", "(d)", legend="outside"
     )
     width.hline(1 / np.pi, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k")
     for _, group, style in styles(members):

@@ -28,12 +28,15 @@ THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
 LOG: dict[str, Any] = {"xscale": "log", "yscale": "log"}
 CONTACTS = "coordination_number_bearing"
 """Quantity: mean number of contacts of a sphere that bears force."""
-ON_CONTACTS = "contacts a force-bearing sphere"
-BEYOND = f"{ON_CONTACTS}, less 4"
+ON_CONTACTS = "contacts a force-bearing sphere (-)"
+BEYOND = "contacts a force-bearing sphere, less 4 (-)"
+VOID_RATIO = "void ratio (-)"
+NAMES_OF_GROUPS = "friction: during compression", "$e_0$: void ratio, lowest stress"
+"""Lines at the head of a legend that say what the names of groups mean."""
 ISOSTATIC = 4
 """Mean number of contacts of a sphere with friction below which a packing is floppy."""
 AXES = {
-    "void ratio": "void_ratio",
+    VOID_RATIO: "void_ratio",
     "stress (kPa)": "stress / 1000",
     ON_CONTACTS: CONTACTS,
     BEYOND: f"{CONTACTS} - {ISOSTATIC}",
@@ -73,7 +76,7 @@ def styles(cases: pd.DataFrame) -> list[LabelledGroup]:
         if kind == "random":
             shade = _shade(friction, frictions)
             style |= {"mfc": shade, "color": shade}
-            label = rf"$\mu_{{comp}}$ {friction:g}"
+            label = f"friction {friction:g}"
             void_ratio = numbers(members, "void_ratio_of_state").iloc[0]
             if np.isfinite(void_ratio):
                 label += rf", $e_0$ {void_ratio:.3f}"
@@ -176,11 +179,20 @@ def scatter(
         points(panel, members, style, y, over=over, x_factor=x_factor, stated=stated)
 
 
+def explain_groups(panel: Panel, cases: pd.DataFrame) -> None:
+    """Say in a panel's legend what the names of its groups mean, if there are random packings."""
+    if random_of(cases).empty:
+        return
+    for text in NAMES_OF_GROUPS:
+        panel.line([np.nan], [np.nan], text, ls="none")
+
+
 def legend(
     panel: Panel, cases: pd.DataFrame, *, frictions: bool = True, stresses: bool = True
 ) -> None:
     """Add entries for the colours of cases and for their markers to a panel's legend."""
     if frictions:
+        explain_groups(panel, cases)
         for label, members, style in styles(cases):
             marker = "o" if members["kind"].iloc[0] == "random" else "s"
             panel.line([np.nan], [np.nan], label, marker=marker, **style)

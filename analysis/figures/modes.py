@@ -37,7 +37,7 @@ def natural_frequencies(m: PackingData) -> Picture:
     modes = m.case.read("modes")
     translations = m.case.read("translations.modes")
     degrees_of_freedom = m.network.degrees_of_freedom
-    left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
+    left = Panel("share of modes below (-)", "natural frequency (kHz)", "(a)", legend="upper left")
     right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)")
     right.ylim = (0, MAX_DENSITY_PER_KHZ)
     if m.crystal and modes is not None and len(modes.frequency) == degrees_of_freedom:
@@ -83,7 +83,7 @@ def chi_z(m: PackingData) -> Panel:
     The panel is shaded where no modes of a random packing were computed, up to 20 kHz.
     """
     modes = m.case.needed("modes")
-    panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.label, ylim=(-0.03, 1.12))
+    panel = Panel("natural frequency (kHz)", r"$\chi_z$ (-)", m.label, ylim=(-0.03, 1.12))
     panel.legend = "outside"
     for k, (frequency, chi_of_all, chi_of_chain) in enumerate(chi_lists(m)):
         first = k == 0

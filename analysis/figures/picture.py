@@ -10,6 +10,7 @@ that the picture shows, and redrawing gives the same picture.
 import csv
 import io
 import json
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import repeat
@@ -218,6 +219,38 @@ def share_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
         for panel in panels:
             setattr(panel, name, (low, high))
     return panels
+
+
+def describe_picture(picture: Picture) -> str:
+    """Return what the axes of the panels show, for who cannot see the picture.
+
+    >>> describe_picture(Picture([Panel("time (ms)", "$u_z$ (nm)")] * 2))
+    '2 panels: u_z (nm) against time (ms)'
+    """
+    counts: dict[str, int] = {}
+    for panel in picture.panels:
+        axes = f"{panel.ylabel} against {panel.xlabel}"
+        if panel.colour_label:
+            axes = f"{panel.colour_label} in colours over {panel.xlabel} and {panel.ylabel}"
+        text = plain_text(axes)
+        counts[text] = counts.get(text, 0) + 1
+    texts = []
+    for text, count in counts.items():
+        panels = "1 panel" if count == 1 else f"{count} panels"
+        texts.append(f"{panels}: {text}")
+    return "; ".join(texts)
+
+
+def plain_text(text: str) -> str:
+    r"""Return a text with its formulas as plain words.
+
+    >>> plain_text(r"$\chi_z$ (-)"), plain_text("$f_{max}$ over that of FCC")
+    ('chi_z (-)', 'f_max over that of FCC')
+    """
+    parts = text.split("$")
+    for k in range(1, len(parts), 2):
+        parts[k] = re.sub(r"[{}\\]|\\,", "", parts[k])
+    return "".join(parts)
 
 
 def write_picture(path: Path, picture: Picture) -> None:

@@ -58,7 +58,7 @@ def samples(m: PackingData) -> Picture:
     if np.isfinite(m.mu_comp) and not m.crystal:
         title += f", friction {m.mu_comp:g}"
     title += f": void ratio {void_ratio(network):.3f}, {contacts.mean():.2f} contacts a sphere"
-    panel = Panel(DISTANCE_LABEL, "x (mm)", title, equal=True, colour_label="contacts")
+    panel = Panel(DISTANCE_LABEL, "x (mm)", title, equal=True, colour_label="contacts (-)")
     panel.xlim = (0, 1e3 * network.length)
     panel.ylim = (-500 * d, 1e3 * float(network.cell_size[0]) + 500 * d)
     low = float(contacts[chosen].min())
@@ -73,7 +73,7 @@ def samples(m: PackingData) -> Picture:
 def source(m: PackingData) -> Picture:
     """Draw Fig. 2: displacement of the source wall, a pulse, and its spectrum."""
     left = Panel("time (µs)", "source wall $u$ (nm)", xlim=(0, 20))
-    right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
+    right = Panel("frequency (kHz)", "amplitude over its maximum (-)", xlim=(0, 500))
     pulse = Pulse(m.motion.amplitude, m.motion.frequency)
     label = f"{pulse.frequency / 1e3:g} kHz"
     style: Style = {"ls": PULSE_LINES.get(pulse.frequency, ":"), "color": "k"}
@@ -159,10 +159,10 @@ def signals_stress(m: PackingData) -> Picture:
     """
     record = m.case.read("100kHz.signals") or m.shown
     index, depth = _nearest(m, record, distances(m)[1])
-    title = "FCC" if m.crystal else rf"$\mu_{{comp}}$ = {m.mu_comp:g}"
+    title = "FCC" if m.crystal else f"friction {m.mu_comp:g}"
     title += f", pulse {record.input_frequency / 1e3:.3g} kHz, {depth:.0f} D"
     low, high = FIRST_ARRIVAL_WINDOW
-    panel = Panel("time over that of long waves", "$u_z$ (nm)", title, legend="upper right")
+    panel = Panel("time over that of long waves (-)", "$u_z$ (nm)", title, legend="upper right")
     panel.xlim = (low, high)
     travel_time = depth * m.diameter / longest(m, "linear").value
     relative_time = record.time / travel_time

@@ -13,7 +13,7 @@ import pandas as pd
 from analysis.estimators.fits import power_law, straight_line
 from analysis.expressions import evaluate, short
 from analysis.frame import numbers, powers, select, spreads
-from analysis.study.fields import number_format
+from analysis.study.fields import file_below_here, number_format
 from analysis.table import number
 from modal.tools.errors import InputError
 
@@ -21,7 +21,7 @@ UNKNOWN = "(not measured)"
 RANDOM = "kind == 'random'"
 PLACE = re.compile(r"{{(.*?)}}", re.DOTALL)
 """A place in a sentence that holds an expression."""
-FUNCTIONS = ("value", "span", "power", "powers", "count", "trends")
+FUNCTIONS = ("value", "span", "power", "powers", "count", "trends", "entry")
 """Methods of `Captions` that an expression may call."""
 OTHER_MARKS = ("{{", "}}", "{%", "{#")
 """Marks of a template language that a sentence must not have outside its expressions."""
@@ -92,6 +92,23 @@ class Captions:
         """Return the number of cases in a selection for which a comparison is true."""
         cases = select(self.frame, which)
         return f"{len(select(cases, test))} of {len(cases)}"
+
+    def entry(self, file: str, line: str, column: str, form: str = ".3g") -> str:
+        """Return a number of a CSV file below the working folder, in the line with this name.
+
+        The names of the lines are in the first column.
+        """
+        path = file_below_here(file)
+        if not path.is_file():
+            return UNKNOWN
+        try:
+            table = pd.read_csv(path, index_col=0)
+            entry = float(table.set_axis(table.index.map(str)).loc[line, column])
+        except (KeyError, TypeError, ValueError):
+            raise InputError(
+                "no_table", f"{short(file)}: no number {short(column)} of {short(line)}"
+            ) from None
+        return format(entry, number_format(form))
 
     def trends(self, quantity: str, x: str, through: str, to: str) -> str:
         """Extrapolate a quantity linearly in x, at each stress, from cases `through` to cases `to`.

@@ -62,6 +62,18 @@ def fill(text: str, values: Mapping[str, Any]) -> str:
     return FIELD.sub(format_field, text)
 
 
+def file_below_here(name: str) -> Path:
+    """Return the file of this name below the working folder; raise InputError if it is outside."""
+    path = Path(name)
+    if path.is_absolute() or not path.resolve().is_relative_to(Path.cwd().resolve()):
+        raise InputError(
+            "outside_folder",
+            f"{short(name)}: lies outside the working folder",
+            remedy="give its path from there",
+        )
+    return path
+
+
 def file_inside(folder: Path, name: str) -> Path:
     """Return the file of this name in a folder; raise InputError if it leads outside."""
     path = folder / name

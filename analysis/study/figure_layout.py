@@ -16,11 +16,18 @@ import pandas as pd
 
 from analysis.figures import FIGURES
 from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
-from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
+from analysis.figures.picture import (
+    Panel,
+    Picture,
+    describe_picture,
+    merged,
+    read_picture,
+    share_limits,
+)
 from analysis.frame import mean_with_error, select
 from analysis.study.captions import Captions
 from analysis.study.description import following
-from analysis.study.fields import file_inside
+from analysis.study.fields import file_below_here, file_inside
 from analysis.table import cell
 from modal.tools.errors import InputError
 
@@ -35,10 +42,12 @@ not the number of cores."""
 
 
 class DrawnFigure(NamedTuple):
-    """The PNG of a figure, and its caption."""
+    """The PNG of a figure, its name and caption, and a text for who cannot see it."""
 
     png: Path
+    name: str
     caption: str
+    alt: str
 
 
 def figures_of_case(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
@@ -55,18 +64,26 @@ def draw_figures(
 ) -> tuple[list[DrawnFigure], list[str]]:
     """Write the figures of a study to the folder `output`.
 
-    Returns the figures in the order of the specs, and a line for each that cannot be drawn.
-    `panels` is the folder with the panels of each case, CASE.FIGURE.csv. Raises InputError if a
-    spec is wrong, but not if cases lack data.
+    Returns the figures in the order of the specs, and a line for each that is not drawn or lacks
+    the panels of cases. `panels` is the folder with the panels of each case, CASE.FIGURE.csv.
+    Raises InputError if a spec is wrong, but not if cases lack data.
     """
     from analysis.figures.render import save  # Matplotlib, which measuring a case does not need
 
     captions = Captions(cases)
     pictures: dict[Path, Picture] = {}
-    texts: dict[Path, str] = {}
+    figures = []
     absent = []
     for spec in specs:
         caption = captions(spec["caption"])
+        if "picture" in spec:
+            with following(spec):
+                path = file_below_here(spec["picture"])
+            if path.suffix == ".png" and path.is_file():
+                figures.append(DrawnFigure(path, spec["name"], caption, spec.get("alt", caption)))
+            else:
+                absent.append(f"{spec['name']}: no picture {path}")
+            continue
         with following(spec):
             _refuse_unknown_figure(spec)
             try:
@@ -77,14 +94,16 @@ def draw_figures(
                 absent.append(f"{spec['name']}: {error}")
                 continue
         if cases_without:
-            caption += f" Absent: {', '.join(cases_without)}."
+            absent.append(f"{spec['name']}: without {', '.join(cases_without)}")
         stem = file_inside(output, spec["name"])
         pictures[stem] = picture
-        texts[stem] = caption
+        alt = spec.get("alt", describe_picture(picture))
+        png = stem.with_name(f"{stem.name}.png")
+        figures.append(DrawnFigure(png, spec["name"], caption, alt))
     with ProcessPoolExecutor(min(MAX_PROCESSES, os.cpu_count() or 1)) as processes:
-        pngs = [png for png, *_ in processes.map(save, pictures.values(), pictures)]
-    drawn = [DrawnFigure(png, text) for png, text in zip(pngs, texts.values(), strict=True)]
-    return drawn, absent
+        for _ in processes.map(save, pictures.values(), pictures):
+            pass  # raises what failed in a process
+    return figures, absent
 
 
 def _refuse_unknown_figure(spec: Spec) -> None:

@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from analysis.study.bounds import Comparison, Spec
 from analysis.study.rule_values import RuleValues
-from analysis.table import cell, number
+from analysis.table import MIN_SHOWN_RELATIVE_ERROR, cell, number
 
 Failure = Literal[
     "not_measured", "outside", "incomplete", "unsettled", "no_plateau", "no_growth", "further"
@@ -45,8 +47,11 @@ class Finding:
         return not self.failures
 
     def cells(self) -> list[str]:
-        """Return value and error as text; empty if they are not known."""
-        return [cell(self.value, ".6g"), cell(self.error, ".2g")]
+        """Return value and error as text; empty if not known, or if no table would show it."""
+        error = self.error
+        if not error > MIN_SHOWN_RELATIVE_ERROR * abs(self.value):
+            error = np.nan
+        return [cell(self.value, ".6g"), cell(error, ".2g")]
 
 
 def list_failures(measured: RuleValues, comparison: Comparison, rule: Spec) -> list[Failure]:

@@ -103,7 +103,7 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
         "tables": list(map(asdict, tables)),
         "figures": list(map(_embed, figures)),
         "absent": not_drawn,
-        "notes": _collect_notes(rows),
+        "notes": _collect_notes(rows, frame),
         "provenance": asdict(provenance),
     }
     path = output / "study.html"
@@ -198,15 +198,29 @@ def _count(frame: pd.DataFrame, answers: Sequence[Answer]) -> dict[str, Any]:
 def _embed(figure: DrawnFigure) -> dict[str, str]:
     """Return a figure with its image as text, so that the page contains the image."""
     return {
-        "name": figure.png.stem,
+        "name": figure.name,
+        "alt": figure.alt,
         "caption": figure.caption,
         "png": base64.b64encode(figure.png.read_bytes()).decode(),
     }
 
 
-def _collect_notes(rows: Iterable[CaseResult]) -> list[str]:
-    """Return the notes of all cases, each with the name of its case."""
-    return sorted({f"{row.name}: {note}" for row in rows for note in row.notes})
+def _collect_notes(rows: Iterable[CaseResult], frame: pd.DataFrame) -> list[str]:
+    """Return each note once, with the number of packings that have it, and which these are."""
+    names_by_note: dict[str, set[str]] = {}
+    for row in rows:
+        for note in row.notes:
+            names_by_note.setdefault(note, set()).add(row.name)
+    lines = []
+    for note, names in sorted(names_by_note.items()):
+        cases = frame.index.intersection(sorted(names))
+        texts = []
+        if len(cases):
+            texts.append(f"case {runs(frame['case'][cases])}")
+        texts += sorted(names.difference(cases))
+        count = "1 packing" if len(names) == 1 else f"{len(names)} packings"
+        lines.append(f"{note} ({count}: {', '.join(texts)})")
+    return lines
 
 
 def _tabulate_absent(path: Path, frame: pd.DataFrame) -> Table:

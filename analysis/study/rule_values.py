@@ -145,7 +145,7 @@ def _compare_extremes(known: pd.DataFrame, stress: float) -> Contrast:
     percent = 100 * (largest / smallest - 1)
     relative_errors = extremes["error"] / extremes["value"]
     error = 100 * relative_errors.pow(2).sum(min_count=1) ** 0.5
-    listed = ", ".join(groups["group"] + groups["value"].map(" {:.2f}".format))
+    listed = ", ".join(groups["group"] + groups["value"].map(": {:.2f}".format))
     return Contrast(percent, error, f"{percent:.2f} % at {kilopascals(stress)} ({listed})")
 
 

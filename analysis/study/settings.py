@@ -206,6 +206,7 @@ TABLE = Lines(
         "laws": LAWS,
         "checks": CHECKS,
         "side_by_side": SENTENCE,
+        "quantities": SENTENCES,
         "says": SENTENCES,
     },
 )
@@ -221,6 +222,8 @@ FIGURE = Lines(
         "like": Word(("x", "y", "xy", "columns")),
         "together": Truth(),
         "plot": PLOT,
+        "picture": PATH,
+        "alt": SENTENCE,
     },
 )
 TARGET = Lines(

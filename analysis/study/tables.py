@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import pandas as pd
 
+from analysis.case_result import CaseResult
 from analysis.estimators.fits import power_law, straight_line
 from analysis.frame import mean_with_error, numbers, select, spreads
 from analysis.study.captions import UNKNOWN, Captions
@@ -231,13 +232,19 @@ def _insert_names(check: Any, names: Mapping[str, str]) -> Any:
 
 
 def tabulate_side_by_side(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """Return the tables `side_by_side` of several cases as one table."""
+    """Return the tables `side_by_side` of several cases as one table.
+
+    `quantities` names the quantity of a line: its number then has the error that it has in all
+    tables, and the numbers of other lines have none.
+    """
     parts = []
     for row in cases["row"]:
         table = row.tables.get(spec["side_by_side"])
         if not table:
             continue
         (first, *heads), *lines = table
+        if "quantities" in spec:
+            lines = [_with_error_of_quantity(line, spec["quantities"], row) for line in lines]
         names = [row.label]
         if len(heads) > 1:
             names = [f"{head}, {row.label}" for head in heads]
@@ -246,3 +253,19 @@ def tabulate_side_by_side(spec: Spec, cases: pd.DataFrame) -> Cells:
         return [], []
     joined = pd.concat(parts, axis=1).reset_index().fillna("")
     return list(joined), [line for line in joined.to_numpy().tolist() if any(line[1:])]
+
+
+def _with_error_of_quantity(
+    line: Sequence[str], quantities: Mapping[str, str], row: CaseResult
+) -> list[str]:
+    """Return the line of a table with the error of its quantity, or without one.
+
+    What stands behind the number and its error, such as `no plateau`, stays.
+    """
+    title, text = line
+    shown, _, remark = text.partition(", ")
+    shown = shown.partition(" ±")[0]
+    column = quantities.get(title, "")
+    if shown and np.isfinite(row.value(column)):
+        shown = number(row.value(column), row.spread(column))
+    return [title, ", ".join(part for part in (shown, remark) if part)]

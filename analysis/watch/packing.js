@@ -175,6 +175,23 @@ function home() {
   camera.updateProjectionMatrix();
   controls.update();
 }
+// What dragging and the wheel do, by keys.
+const TURN = Math.PI / 36, ZOOM = 1.1; // of one press
+const keys = {
+  ArrowLeft: (away) => away.applyAxisAngle(camera.up, -TURN),
+  ArrowRight: (away) => away.applyAxisAngle(camera.up, TURN),
+  ArrowUp: (away) => away.applyAxisAngle(away.clone().cross(camera.up).normalize(), TURN),
+  ArrowDown: (away) => away.applyAxisAngle(away.clone().cross(camera.up).normalize(), -TURN),
+  "+": (away) => away.multiplyScalar(1 / ZOOM),
+  "-": (away) => away.multiplyScalar(ZOOM),
+};
+function turnByKey(key) {
+  const away = camera.position.clone().sub(controls.target);
+  keys[key](away);
+  // Not over the poles, where up and down change places.
+  if (Math.abs(away.clone().normalize().dot(camera.up)) < 0.99) camera.position.copy(controls.target).add(away);
+  controls.update();
+}
 // Rulers along three edges of the cell, drawn over the spheres: mm, from the source wall on.
 const rulers = by("rulers"), pen = rulers.getContext("2d");
 function onScreen(x, y, z) {

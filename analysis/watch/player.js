@@ -17,7 +17,8 @@ by("told").textContent = [data.told, data.slip_told].filter(Boolean).join(" ");
 by("lines").hidden = !data.contacts;
 by("forces").checked = Boolean(data.contacts) && location.hash === "#forces";
 
-let which = isWave ? Math.floor(data.signals.length / 2) : 0, now = 0, playing = true, drawn = 0;
+let which = isWave ? Math.floor(data.signals.length / 2) : 0, now = 0, drawn = 0;
+let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 const count = isWave ? data.time.length : PERIOD;
 by("scrub").max = isWave ? count - 1 : count;
 if (isWave) by("choose").firstChild.textContent = "signal of ";
@@ -60,6 +61,8 @@ function layOut() {
   wallShift.value = isWave ? (factor * data.visible * interpolated(data.wall_displacement)) / data.largest_nm : 0;
   by("now").textContent = isWave ? `${interpolated(data.time).toFixed(1)} µs` : `${(now / count).toFixed(2)} T`;
   by("scrub").value = now;
+  by("scrub").setAttribute("aria-valuetext", by("now").textContent);
+  by("amplify").setAttribute("aria-valuetext", by("factor").textContent);
 }
 function interpolated(list) {
   const k = Math.min(Math.floor(now), list.length - 1);
@@ -69,9 +72,10 @@ function interpolated(list) {
 // The two plots; a line in the left one says where the view is.
 const marker = () => (isWave ? interpolated(data.time) : data.modes[which].frequency);
 function plot(where, titles, columns, points, marked, range) {
+  where.setAttribute("aria-label", `plot, ${titles[0]}: ${titles[2]} against ${titles[1]}`);
   where.replaceChildren(Object.assign(document.createElement("div"), { textContent: titles[0] }));
   return new uPlot({
-    width: Math.min(760, Math.max(300, innerWidth / 2 - 40)), height: 200,
+    width: Math.min(760, Math.max(300, innerWidth / 2 - 40), innerWidth - 28), height: 200,
     scales: { x: { time: false }, y: range ? { range } : {} }, legend: { show: false },
     axes: [{ label: titles[1] }, { label: titles[2], size: 70 }],
     series: [{}, points
@@ -93,10 +97,10 @@ function plots() {
     plot(by("right"), ["its spectrum", "frequency, kHz", `|F(${data.symbol})|, ${data.unit} µs`], [data.spectrum_frequency, signal.spectrum], false, false);
   } else {
     const modes = data.modes;
-    left = plot(by("left"), ["share of motion along z", "frequency, kHz", "chi_z"],
+    left = plot(by("left"), ["share of motion along z", "frequency, kHz", "χ_z (-)"],
       [modes.map((m) => m.frequency), modes.map((m) => m.chi_z)], true, true);
     const along = `u_${modes[which].along}`;
-    plot(by("right"), [`mean ${along} of layers, ${modes[which].name}`, "z, mm", `${along} over the largest`],
+    plot(by("right"), [`mean ${along} of layers, ${modes[which].name}`, "z, mm", `${along} over the largest (-)`],
       [data.layer_z, modes[which].layers], false, false, [-1.05, 1.05]);
   }
 }
@@ -143,7 +147,16 @@ function step(time) {
   last = time;
   requestAnimationFrame(step);
 }
-by("play").onclick = () => { playing = !playing; by("play").textContent = playing ? "pause" : "play"; };
+function sayPlaying() { by("play").textContent = playing ? "pause" : "play"; }
+sayPlaying();
+by("play").onclick = () => { playing = !playing; sayPlaying(); };
+by("stage").addEventListener("keydown", (event) => {
+  if (event.key === "Home") home();
+  else if (event.key in keys) turnByKey(event.key);
+  else return;
+  event.preventDefault();
+  draw();
+});
 by("scrub").oninput = () => { now = Number(by("scrub").value); draw(); };
 by("which").onchange = () => { which = Number(by("which").value); choose(); plots(); draw(); };
 by("forces").oninput = () => { showForces(by("forces").checked); draw(); };
