@@ -138,7 +138,9 @@ def wavelength_cases(cases: pd.DataFrame) -> Picture:
     panels = []
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
         producer, name = of_one_producer(cases["record"], f"lambda_{percent}_{{record}}_over_d")
-        panel = Panel(groups.VOID_RATIO, rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer} (-)", letter)
+        panel = Panel(
+            groups.VOID_RATIO, rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer} (-)", letter
+        )
         panel.yscale = "log"
         panel.xlim = span
         panel.legend = "outside"

@@ -1,8 +1,11 @@
 """A study from its results: tables, missing cases, one page."""
 
+import base64
 import csv
 import re
 import shutil
+from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +16,22 @@ from packings import random_sample, slender
 from places import ROOT
 
 from analysis.__main__ import main
+from analysis.case_columns import OF_RECORD
+from analysis.figures.picture import read_picture
 from analysis.frame import frame_of
 from analysis.quantities.spectrum import natural_frequency
 from analysis.result_file import read_results
+from analysis.study.captions import UNKNOWN, Captions
 from analysis.study.description import Study
 from analysis.study.rules import Rules
 from analysis.study.tables import make_tables, tabulate_all_numbers
 from analysis.study.targets import answer_targets, tabulate_targets
+from analysis.table import number
 from modal.modes.eigenmodes import modes_of
 from modal.packing.network import write_network
 from modal.packing.state import void_ratio
 from modal.system.linear_system import LinearSystem
+from modal.tools.errors import InputError
 
 PAPER = ROOT / "studies/otsubo2017/study.yaml"
 VELOCITY_COLUMN = "v_p_first_peaks_m_per_s"
@@ -248,3 +256,148 @@ def test_study_without_results_is_refused(study, results, code, tmp_path, one_li
     command = ["study", tmp_path / study, "--results", tmp_path / results, "-o", tmp_path / "out"]
     one_line(main, command, code=code)
     assert not (tmp_path / "out").exists()
+
+
+class Reader(HTMLParser):
+    """What a page says: language, texts, pictures, headings, headers of tables."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.language = ""
+        self.alts: list[str] = []
+        self.levels: list[int] = []
+        self.columns: list[int] = []
+        """Numbers of header cells of the tables."""
+        self.rows_without_header = 0
+        self.texts: list[str] = []
+        self._row: list[dict] = []
+        self._shown = True
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        if tag == "html":
+            self.language = found.get("lang", "")
+        elif tag == "img":
+            self.alts.append(found.get("alt", ""))
+        elif tag in ("h1", "h2", "h3"):
+            self.levels.append(int(tag[1]))
+        elif tag == "table":
+            self.columns.append(0)
+        elif tag == "th" and found.get("scope") == "col":
+            self.columns[-1] += 1
+        elif tag == "tr":
+            self._row = []
+        if tag in ("th", "td"):
+            self._row.append({"tag": tag, "scope": found.get("scope")})
+        if tag == "style":
+            self._shown = False
+
+    def handle_endtag(self, tag):
+        if tag == "tr" and self._row[0]["tag"] != "th":
+            self.rows_without_header += 1
+        if tag == "style":
+            self._shown = True
+
+    def handle_data(self, data):
+        if self._shown:
+            self.texts.append(data)
+
+
+COMMITTED = ROOT / "results/study"
+"""Page, tables and figures of the study, as they are committed."""
+
+
+@pytest.fixture(scope="module")
+def reader() -> Reader:
+    return Reader((COMMITTED / "study.html").read_text())
+
+
+def test_page_can_be_read_aloud(reader):
+    """Name the language, describe pictures, give tables headers and headings an order."""
+    assert reader.language == "en"
+    assert len(reader.alts) > 20
+    assert all(20 < len(alt) < 400 for alt in reader.alts)
+    assert reader.levels[0] == 1
+    assert all(level <= last + 1 for last, level in pairwise(reader.levels))
+    assert len(reader.columns) > 10
+    assert min(reader.columns) > 1
+    assert reader.rows_without_header == 0
+
+
+def test_page_speaks_in_words(reader):
+    text = " ".join([*reader.texts, *reader.alts])
+    assert "friction 0.4 during compression" in text
+    for word in ("mu_comp", "Absent:", "nan"):
+        assert not re.search(rf"\b{word}", text), word
+
+
+def test_page_says_each_note_once_with_its_count(reader):
+    frame = frame_of(read_results(COMMITTED / "cases"), Study(PAPER).cases)
+    notes = {note for row in frame["row"] for note in row.notes}
+    assert notes
+    for note in notes:
+        (line,) = [text for text in reader.texts if text.startswith(f"{note} (")]
+        assert re.search(r"\(\d+ packings?: case ", line)
+
+
+def test_headline_of_the_page_is_that_of_the_readme(reader):
+    """Both are means over samples, of which a table of fits is committed."""
+    with open(ROOT / "results/isostaticity/fits.csv", newline="") as file:
+        fits = {row["quantity"]: row for row in csv.DictReader(file)}
+    zero = float(fits["low-pass frequency (2 %)"]["z_c"])
+    assert f"z_c = {zero:.2f} (" in " ".join(reader.texts)
+    assert "isostaticity/headline.png" in (ROOT / "README.md").read_text()
+    picture = base64.b64encode((ROOT / "results/isostaticity/headline.png").read_bytes())
+    assert picture.decode() in (COMMITTED / "study.html").read_text()
+
+
+def test_every_axis_has_a_name_and_a_unit():
+    """Read all committed figures; (-) says that a number has no unit."""
+    paths = [*COMMITTED.glob("fig*.csv"), *COMMITTED.glob("beyond*.csv")]
+    paths += [path for path in (COMMITTED / "cases").glob("*.csv") if "agreement" not in path.name]
+    assert len(paths) > 30
+    for path in paths:
+        for panel in read_picture(path).panels:
+            for label in (panel.xlabel, panel.ylabel, panel.colour_label or "none (-)"):
+                assert re.fullmatch(r".*\w.*\(.+\)|.*\(.+\), .*\(.+\)", label), (path.name, label)
+
+
+def test_a_number_has_one_error_wherever_it_stands():
+    """Compare quantities of the record with those of its producer, and the table of choices."""
+    rows = {row.name: row for row in read_results(COMMITTED / "cases")}
+    for row in rows.values():
+        for name, of_record in OF_RECORD.items():
+            source = of_record.format(record=row.record)
+            if source in row.columns and name in row.columns:
+                errors = row.spread(source), row.spread(name)
+                assert np.array_equal(*errors, equal_nan=True), (row.name, name)
+    case = rows["case22"]
+    shown = number(case.value("f_low_pass_2_khz"), case.spread("f_low_pass_2_khz"))
+    assert "±" in shown
+    by_case = {line["case"]: line for line in read_rows(COMMITTED / "table1_seen.csv")}
+    assert by_case["22"]["f_low-pass 2 %, kHz"].removesuffix(" *") == shown
+    choices = {line["f_low-pass, kHz"]: line for line in read_rows(COMMITTED / "choices.csv")}
+    line = choices["YADE, chain, 2 % of the maximum of the whole map"]
+    assert line["random, 100 kPa (case 22)"].split(",")[0] == shown
+
+
+def test_caption_reads_a_number_of_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("fits.csv").write_text("name,z_c\nlimit,4.248\n3,5\n")
+    captions = Captions(frame_of([]).assign(there=[]))
+    assert captions("{{ entry('fits.csv', 'limit', 'z_c', '.2f') }}") == "4.25"
+    assert captions("{{ entry('fits.csv', '3', 'z_c') }}") == "5"
+    assert captions("{{ entry('other.csv', 'limit', 'z_c') }}") == UNKNOWN
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    ["'/etc/passwd', 'a', 'b'", "'../fits.csv', 'a', 'b'", "'fits.csv', 'limit', 'slope'"],
+)
+def test_caption_reads_no_other_file(arguments, tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    Path("fits.csv").write_text("name,z_c\nlimit,4.248\n")
+    with pytest.raises(InputError):
+        Captions(frame_of([]).assign(there=[]))(f"{{{{ entry({arguments}) }}}}")
