@@ -22,9 +22,27 @@ project = "Waves in sphere packings"
 author = "the authors of granular-wave-modes"
 copyright = f"2026, {author}"
 release = version = modal.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.intersphinx"]
 extensions += ["sphinx_gallery.gen_gallery", "outputs"]
 napoleon_google_docstring = False
+INVENTORIES = {
+    "python": ("https://docs.python.org/3", "python3.11/html"),
+    "numpy": ("https://numpy.org/doc/stable", "python-numpy-doc/html"),
+    "scipy": ("https://docs.scipy.org/doc/scipy", "python-scipy-doc/html"),
+    "matplotlib": ("https://matplotlib.org/stable", "python-matplotlib-doc/html"),
+    "h5py": ("https://docs.h5py.org/en/stable", "python-h5py-doc/html"),
+}
+"""Other projects to whose names references lead: their address, and the folder of Debian's package
+of their pages, in which a list of names is."""
+# Without the network a list that is not on this machine makes no link, and no warning either; with
+# `-t online` all lists are fetched.
+intersphinx_mapping = {}
+for name, (address, folder) in INVENTORIES.items():
+    inventory = Path("/usr/share/doc") / folder / "objects.inv"
+    if tags.has("online"):  # noqa: F821 (Sphinx defines it)
+        intersphinx_mapping[name] = (address, None)
+    elif inventory.is_file():
+        intersphinx_mapping[name] = (address, str(inventory))
 html_theme = "furo"
 html_title = "Waves in sphere packings"
 html_static_path = ["_static"]

@@ -12,11 +12,15 @@ import pytest
 from places import ROOT
 
 import analysis.__main__
+import analysis.cli.main
 import modal
+import modal.cli.main
 from analysis.value import Value
 from modal.cli.main import main
 from modal.cli.options import FALLS_SHORT_STATUS
+from modal.modes.mode_set import write_modes
 from modal.packing.network import write_network
+from modal.waves.signals import write_signals
 
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 PROGRAMS = {"granular-modes": main, "python -m analysis": analysis.__main__.main}
@@ -106,21 +110,83 @@ def test_picture_of_lammps_page_does_without_what_is_not_known(tmp_path, monkeyp
     pyplot.close("all")
 
 
-def test_commands_of_text_blocks_have_options_that_exist():
-    """What cannot run without other programs' files is parsed at least."""
-    from modal.cli.main import parser
+def commands_that_are_not_run(page):
+    """Return the commands of a page in text blocks and in indented ones, without remarks."""
+    text = re.sub(r"^```(python|console)\n.*?^```$", "", page.read_text(), flags=re.M | re.S)
+    names = "|".join(map(re.escape, PROGRAMS))
+    found = re.findall(rf"^(?:    )?(?:{names}) [^#\n]*", text, re.MULTILINE)
+    return [line.strip() for line in found if "--help" not in line]
 
-    lines = [
-        line.split("#")[0].strip()
-        for page in PAGES
-        for kind, text in blocks(page)
-        if kind == "text"
-        for line in text.splitlines()
-        if line.startswith("granular-modes ") and "--help" not in line
-    ]
-    assert len(lines) > 10
+
+def test_commands_that_are_not_run_have_options_that_exist():
+    """What cannot run without other programs' files, or takes long, is parsed at least."""
+    parsers = {
+        "granular-modes": modal.cli.main.parser,
+        "python -m analysis": analysis.cli.main.parser,
+    }
+    counts = dict.fromkeys(parsers, 0)
+    for page in PAGES:
+        for line in commands_that_are_not_run(page):
+            (program,) = [name for name in parsers if line.startswith(f"{name} ")]
+            words = shlex.split(line.removeprefix(program))
+            parsers[program](words[0]).parse_args(words)
+            counts[program] += 1
+    assert counts["granular-modes"] > 35
+    assert counts["python -m analysis"] > 4
+
+
+def test_exports_of_the_page_of_other_programs_run(tmp_path, monkeypatch):
+    """Export contacts, matrices, modes and a wave of a crystal, as the page says."""
+    monkeypatch.chdir(tmp_path)
+    network = modal.fcc(cells=(2, 2, 12))
+    write_network("mine.network.h5", network)
+    write_modes("mine.modes.h5", modal.eigenmodes(network, lowest=2, shapes=True))
+    write_signals("mine.signals.h5", modal.propagate(network, 2e-5, particles=True).signals)
+    page = ROOT / "docs/other_programs.md"
+    lines = [line for line in commands_that_are_not_run(page) if " export " in line]
+    assert len(lines) == 7
     for line in lines:
-        parser().parse_args(shlex.split(line)[1:])
+        assert main(shlex.split(line)[1:]) == 0, line
+    for name in ("mine.csv", "mine.mass.npz", "mine.mass.mtx", "mine.vtu", "wave.xyz"):
+        assert (tmp_path / name).exists(), name
+
+
+@pytest.mark.slow
+def test_packings_of_the_page_of_contacts_run(tmp_path, monkeypatch):
+    """Pack, rest and measure grains that stick, roll and are clumps, in small packings."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two.csv").write_text("x,y,z,radius\n0,0,-0.5,1\n0,0,0.5,1\n")
+    lines = commands_that_are_not_run(ROOT / "docs/contacts.md")
+    assert len(lines) > 6
+    for line in lines:
+        line = line.replace("--spheres 1000", "--spheres 200")
+        assert main(shlex.split(line)[1:]) in (0, FALLS_SHORT_STATUS), line
+
+
+LIST_OF_COMMANDS = "pack", "info", "modes", "count", "density", "moduli", "wave", "response"
+"""Commands of the page of the command line that need no file of another program."""
+
+
+@pytest.mark.slow
+def test_list_of_the_page_of_the_command_line_runs(tmp_path, monkeypatch):
+    """Run its lines on a small packing that has the names that the page gives."""
+    monkeypatch.chdir(tmp_path)
+    network = modal.random_packing(spheres=200, aspect=4)
+    modal.write("mine.network.h5", network)
+    modal.write("cell.network.h5", modal.random_packing(spheres=200, periodic=True))
+    assert main(["pack", "--spheres", "200", "--stress", "1e5", "-o", "."]) == 0
+    (tmp_path / "100000Pa.sample.h5").rename("mine.sample.h5")
+    run = 0
+    for line in commands_that_are_not_run(ROOT / "docs/command_line.md"):
+        command = shlex.split(line.replace("--spheres 2000", "--spheres 200"))[1:]
+        # No sphere of this packing is held; its cell is less than 20 mm high.
+        if command[0] not in LIST_OF_COMMANDS or {"--rough-wall", "--plane"} & {*command}:
+            continue
+        line = line.replace("--disc 0 0 0.02 0.004 --receivers 0.1 0.2", "--point 3")
+        command = shlex.split(line.replace("--spheres 2000", "--spheres 200"))[1:]
+        assert main(command) in (0, FALLS_SHORT_STATUS), line
+        run += 1
+    assert run > 10
 
 
 def test_links_and_names_within_the_repository_lead_to_files():

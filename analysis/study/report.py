@@ -6,7 +6,7 @@ A case without a result is listed as missing, and is not replaced.
 import base64
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -99,8 +99,8 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
         "command": _shorten_paths(command),
         "cases": _known_values(frame[frame["there"]]),
         "counts": _count(frame, answers),
-        "targets": asdict(targets),
-        "tables": list(map(asdict, tables)),
+        "targets": asdict(_with_unbroken_errors(targets)),
+        "tables": [asdict(_with_unbroken_errors(table)) for table in tables],
         "figures": list(map(_embed, figures)),
         "absent": not_drawn,
         "notes": _collect_notes(rows, frame),
@@ -203,6 +203,12 @@ def _embed(figure: DrawnFigure) -> dict[str, str]:
         "caption": figure.caption,
         "png": base64.b64encode(figure.png.read_bytes()).decode(),
     }
+
+
+def _with_unbroken_errors(table: Table) -> Table:
+    """Return a table whose numbers stay in one line with their errors."""
+    rows = [[cell.replace(" ± ", "\u00a0±\u00a0") for cell in row] for row in table.rows]
+    return replace(table, rows=rows)
 
 
 def _collect_notes(rows: Iterable[CaseResult], frame: pd.DataFrame) -> list[str]:
