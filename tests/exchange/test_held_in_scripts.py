@@ -7,13 +7,12 @@ the commands; `test_lammps_moves_whom_we_say` asks LAMMPS itself.
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lammps_runs import LAMMPS, needs_lammps
 from program_files import COLUMN_PAIR, COLUMN_WALL, column
 from refusals import refusal
 
@@ -22,7 +21,6 @@ from modal.exchange.groups import Groups
 from modal.exchange.registry import import_packing
 from modal.tools.errors import InputError
 
-LAMMPS = shutil.which("lmp") or shutil.which("lmp", path=Path(sys.executable).parent)
 SPHERE = "fix n all nve/sphere"
 MOBILE = "group mobile id 2\n1 atoms in group mobile\n"
 ENDS = "group ends id 1 3\n2 atoms in group ends\n"
@@ -359,7 +357,7 @@ def test_groups_are_those_of_sets():
             assert groups.may_contain_atoms(~groups.possible_members(name)) == (len(members) < n)
 
 
-@pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")
+@needs_lammps
 @pytest.mark.parametrize("case", ["a part is integrated", "setforce", "setforce of one component",
                                   "move", "move of those that nothing integrates", "freeze",
                                   "a line", "no rotation", "no rotation of a part",
