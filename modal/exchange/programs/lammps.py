@@ -28,6 +28,7 @@ from modal.exchange.lines import Lines
 from modal.exchange.particles_and_contacts import Packing, PairLaw
 from modal.exchange.refusals import refuse
 from modal.exchange.registry import Option, read_beginning
+from modal.exchange.unread_fixes import remark_on_unread_fixes
 from modal.exchange.words import Words
 from modal.packing.rigid_bodies import Bodies
 from modal.packing.weight import with_gravity
@@ -121,6 +122,7 @@ def read(
     gravity, remarks = find_gravity(script.runs, frame.head.step, units)
     if gravity is not None:
         result.network = with_gravity(result.network, gravity)
+    remarks += remark_on_unread_fixes(script.runs, frame.head.step)
     result.remarks += script.remarks + remarks
     return result
 
