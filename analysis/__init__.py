@@ -22,3 +22,7 @@ if not TYPE_CHECKING:  # what a command does not use is not loaded
         if name not in _MODULES:
             raise AttributeError(f"module 'analysis' has no attribute {name!r}")
         return getattr(importlib.import_module(_MODULES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

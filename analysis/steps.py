@@ -139,6 +139,7 @@ NUMBERS: Final[Mapping[str, NumberMeaning]] = {
     "step_error": NumberMeaning("error from the time steps"),
     "noise": NumberMeaning("motion without a wave, divided by that of the wave"),
     "overlap_error": NumberMeaning("relative error of the overlaps"),
+    "scan_tolerance": NumberMeaning("gap below which spheres count as touching", "m"),
     "relative_error": NumberMeaning("relative error that it makes"),
     # Numbers that are compared with a limit.
     "limit": NumberMeaning("limit"),

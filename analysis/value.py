@@ -11,6 +11,7 @@ import numpy as np
 from analysis.caveats import Caveat
 from analysis.explanation import ERROR_PARTS, Explanation
 from analysis.steps import Step
+from modal.formats.tables import html_table
 from modal.tools.arrays import Floats
 from modal.tools.display import plain, quantity, scaled
 
@@ -143,6 +144,10 @@ class Value:
         if self.plateau is not None:
             fields["plateau"] = self.plateau
         return fields
+
+    def _repr_html_(self) -> str:
+        """Return the value with its error and its caveats as a table, for a notebook."""
+        return html_table(["value", "caveats"], [[self.text(), "; ".join(map(str, self.caveats))]])
 
     def text(self) -> str:
         """Return number, error and unit for people; range and frequencies of an array.

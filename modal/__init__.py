@@ -79,4 +79,4 @@ if not TYPE_CHECKING:  # a type checker follows the imports above and reports ot
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from modal.formats.tables import html_table
 from modal.modes.collective import every_floppy
 from modal.packing.network import Network
 from modal.packing.plausibility import is_of_a_solid, median_density
@@ -16,8 +17,31 @@ STRESSES = {"stress_pa": "stress xx, yy, zz", "wall_stress_pa": "stress on walls
 """Labels of the stresses in a summary."""
 
 
+class Description(str):
+    """Lines of text on a packing, which a notebook shows as a table.
+
+    Attributes
+    ----------
+    rows : list of tuple of str
+        Name and text of each line.
+    """
+
+    rows: list[tuple[str, str]]
+
+    @classmethod
+    def of(cls, rows: list[tuple[str, str]]) -> "Description":
+        """Return the description with these lines."""
+        description = cls(table(rows))
+        description.rows = rows
+        return description
+
+    def _repr_html_(self) -> str:
+        """Return the lines as a table, for a notebook."""
+        return html_table(["packing", ""], [list(row) for row in self.rows])
+
+
 @checked
-def describe(network: Network) -> str:
+def describe(network: Network) -> Description:
     """Describe spheres, cell, contacts, stresses, void ratio, rattlers and floppy modes.
 
     Parameters
@@ -27,8 +51,8 @@ def describe(network: Network) -> str:
 
     Returns
     -------
-    str
-        Lines of text.
+    Description
+        Lines of text, a `str`; a notebook shows them as a table.
 
     Raises
     ------
@@ -70,7 +94,7 @@ def describe(network: Network) -> str:
     density = median_density(network)
     if not is_of_a_solid(density):
         rows.append(("density", f"{density:.4g} kg/m^3, of no solid: mass in kg, radius in m?"))
-    return table(rows)
+    return Description.of(rows)
 
 
 def _diameters(network: Network) -> str:

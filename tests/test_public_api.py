@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from refusals import refusal
 
+import analysis
 import modal
 from analysis.measurement import measure
 from modal.elasticity.moduli import ElasticModuli
@@ -56,7 +57,8 @@ CODES_OF_WALLS = {"SOURCE_WALL", "RECEIVER_WALL"}
 def test_public_names_are_these_and_nothing_else():
     assert set(modal.__all__) == PUBLIC_NAMES | CODES_OF_WALLS
     assert all(hasattr(modal, name) for name in modal.__all__)
-    assert set(dir(modal)) >= PUBLIC_NAMES
+    assert set(dir(modal)) == set(modal.__all__)
+    assert set(dir(analysis)) == set(analysis.__all__)
 
 
 def test_unknown_name_is_pythons_own_error():

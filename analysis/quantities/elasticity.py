@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from analysis.caveats import Caveat
 from analysis.packing_data import PackingData
+from analysis.quantities.few_digits import part_of_moduli_error
 from analysis.quantities.registry import on_request, quantity
 from analysis.steps import Step, limit_step
 from analysis.value import Value, unknown
@@ -82,7 +83,10 @@ def measure_of_moduli(
             return unknown(unit, Caveat("no_stiffness"), steps=tuple(steps))
     caveats = [Caveat(remark.code, {"text": remark.text}) for remark in moduli.remarks()]
     size = MODULUS_POWER[unit] * abs(value)
-    parts = {"fit": size * moduli.error, "length": 2 * size * moduli.asymmetry}
+    parts = {
+        part_of_moduli_error(packing.network): size * moduli.error,
+        "length": 2 * size * moduli.asymmetry,
+    }
     return Value(value, unit, parts, (*caveats, *packing.of_one_sample), steps=tuple(steps))
 
 

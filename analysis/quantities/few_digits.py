@@ -61,8 +61,6 @@ def _relative_error_of_scan(network: Network, name: str, unit: str) -> float:
     """Return the relative error of a quantity for scanned spheres, due to the assumptions."""
     if name == "coordination":
         return _coordination_error(network)
-    if unit == "Pa":
-        return 0.0  # it is in the error of the moduli
     moduli: float = network.cached("error of a scan", lambda: elastic_moduli(network).error)
     if unit == "m/s":
         return moduli / 2
@@ -78,19 +76,35 @@ def _coordination_error(network: Network) -> float:
     return COVERAGE_FACTOR * float(np.sqrt(np.mean(np.square(changes))))
 
 
+def part_of_moduli_error(network: Network) -> str:
+    """Return the name of the part of a value's error that the error of the moduli is.
+
+    That of scanned spheres comes from the assumptions about their contacts.
+    """
+    return "digits" if is_scanned(network) else "fit"
+
+
 def with_digits(value: Value, network: Network, name: str, unit: str) -> Value:
-    """Return the value with the error that few digits of overlaps cause, and a caveat."""
-    if not value.known:
+    """Return the value with the error that few digits of overlaps cause, and a caveat.
+
+    A value that follows from the moduli of scanned spheres has this error already.
+    """
+    if not value.known or name in WITHOUT_OVERLAPS:
         return value
-    relative = relative_error_by_digits(network, name, unit)
     scan = Scan.of(network.study)
-    numbers = {"overlap_error": overlap_error(network), "relative_error": relative}
-    if scan is not None and name not in WITHOUT_OVERLAPS:
+    if scan is not None:
         caveat = Caveat("scanned", {"tolerance": scan.tolerance, "stress": scan.stress})
-    elif relative:
-        caveat = Caveat("few_digits", {"error": numbers["overlap_error"]})
+        if "digits" in value.parts:
+            return value.with_caveats(caveat)
+        numbers = {"scan_tolerance": scan.tolerance}
     else:
+        error = overlap_error(network)
+        caveat = Caveat("few_digits", {"error": error})
+        numbers = {"overlap_error": error}
+    relative = relative_error_by_digits(network, name, unit)
+    if not relative:
         return value
+    numbers["relative_error"] = relative
     parts = dict(value.parts) | {"digits": relative * np.abs(value.value)}
     steps = (*value.steps, Step("limit", "digits", numbers))
     return replace(value, parts=parts, steps=steps).with_caveats(caveat)

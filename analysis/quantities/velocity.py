@@ -22,6 +22,7 @@ from analysis.estimators.coherent import (
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, layers_above, travelled
 from analysis.packing_data import PackingData, cached_on_packing
+from analysis.quantities.few_digits import part_of_moduli_error
 from analysis.quantities.registry import on_request, quantity
 from analysis.steps import Step, UnreadableError, limit_step
 from analysis.value import Value, hertz, unknown
@@ -250,7 +251,8 @@ def _velocity_by_moduli(packing: PackingData, polarisations: slice) -> Value:
     error = 0.5 * velocity * packing.moduli.error
     steps = (Step("fit", "converged", {"residual": packing.moduli.error}),)
     caveats = (Caveat("no_walls"), *packing.of_one_sample)
-    return Value(velocity, "m/s", {"fit": error}, caveats, steps=steps)
+    parts = {part_of_moduli_error(packing.network): error}
+    return Value(velocity, "m/s", parts, caveats, steps=steps)
 
 
 @quantity("m/s", definition="velocity of the longest P-waves along z; the one to quote")

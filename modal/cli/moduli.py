@@ -74,6 +74,7 @@ def run(options: Options) -> Result:
         "velocity_m_per_s": velocities,
         "isotropic_velocity_m_per_s": [moduli.v_p, moduli.v_s],
         "relative_error": moduli.error,
+        "relative_error_of_velocities": moduli.error / 2,
         "asymmetry": moduli.asymmetry,
         "soft_strains": len(moduli.soft_strains()),
         "solver": moduli.solver,

@@ -1,5 +1,6 @@
 """Bring a sample, or the spheres of a scan, to static equilibrium under the contact model."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -41,6 +42,9 @@ MIN_REPORTED_STRESS_CHANGE = 5e-3
 """Change of a stress at a fixed cell, divided by the largest stress, from which on the change is
 reported: the export from YADE refuses a sample with a larger one. Settled packings of 35,201
 spheres change by up to 0.7 %."""
+MAX_CHANGE_OF_VOID_RATIO = 0.02
+"""Largest change of the void ratio of a scan that is not reported: samples of one preparation that
+differ in their seed differ by some 0.003."""
 STEPS_BETWEEN_LINES = 1000
 """Number of steps after which a line says how far the sample has come."""
 
@@ -83,13 +87,7 @@ def run(options: Options) -> Result:
     rested, state = relax(sample, tolerance=tolerance, watch=watch, mobilised=options.mobilised)
     _say_residual(state)
     measured = summary(rested.network(), rested.friction)
-    stress = np.array(summary(sample.network())["stress_pa"])
-    stress_change = _largest_change(stress, measured["stress_pa"])
-    if abs(stress_change) > MIN_REPORTED_STRESS_CHANGE:
-        say(
-            f"a stress changed by {100 * stress_change:+.2g} % at the fixed cell: the packing was "
-            "not yet at rest; with --stress it creeps under its stress first"
-        )
+    stress_change = _tell_change_of_stress(sample, measured["stress_pa"])
     notes = {
         "residual": state.residual,
         "unbalanced": state.residual,
@@ -104,6 +102,30 @@ def run(options: Options) -> Result:
     write_sample(options.output, replace(rested, study=study, provenance=provenance))
     result: Result = {"residual_before": residuals[0], "stress_change": stress_change}
     return result | asdict(state) | measured
+
+
+def _tell_change_of_stress(before: Sample, stress: Sequence[float]) -> float:
+    """Return how much rest at a fixed cell has changed a stress, and say so if it is much.
+
+    The result is the change with the largest size, divided by the largest stress before.
+    """
+    stress_before = np.array(summary(before.network())["stress_pa"])
+    change = _largest_change(stress_before, stress)
+    if abs(change) > MIN_REPORTED_STRESS_CHANGE:
+        say(
+            f"a stress changed by {100 * change:+.2g} % at the fixed cell: the packing was "
+            "not yet at rest; with --stress it creeps under its stress first"
+        )
+    return change
+
+
+def _tell_change_of_density(before: float, after: float) -> None:
+    """Say by how much the void ratio of a scan has changed on the way to rest, if it is much."""
+    if abs(after - before) > MAX_CHANGE_OF_VOID_RATIO:
+        say(
+            f"the void ratio went from {before:.3f} to {after:.3f}: the velocities are those of "
+            "another density than the scan's; give the friction of the real grains"
+        )
 
 
 def _creep(sample: Sample, stress: float, *, mobilised: bool) -> Sample:
@@ -124,19 +146,26 @@ def _bring_scan_to_rest(options: Options) -> Result:
     friction = options.friction
     if friction is None:
         friction = network.noted("mu_wave") or 0.0
-    sample = bring_to_stress(sample_of_scan(network, friction), options.stress, say)
-    if not sample.study["settled"]:
-        raise InputError(
-            "not_at_rest",
-            f"the spheres do not come to rest at {options.stress:g} Pa",
-            remedy="give another stress, or check radii and cell",
-        )
-    state = measure_equilibrium(sample)
+    sample = sample_of_scan(network, friction)
     if friction:
-        sample, state = relax(sample, tolerance=options.tolerance, mobilised=options.mobilised)
+        sample = _creep(sample, options.stress, mobilised=options.mobilised)
+        rested, state = relax(sample, tolerance=options.tolerance, mobilised=options.mobilised)
         _say_residual(state)
+        _tell_change_of_stress(sample, summary(rested.network())["stress_pa"])
+        sample = rested
+    else:
+        sample = bring_to_stress(sample, options.stress, say)
+        if not sample.study["settled"]:
+            raise InputError(
+                "not_at_rest",
+                f"the spheres do not come to rest at {options.stress:g} Pa",
+                remedy="give another stress, or check radii and cell",
+            )
+        state = measure_equilibrium(sample)
     measured = summary(sample.network(), sample.friction)
-    notes = {"mu_comp": friction, "residual": state.residual, "at_rest": True}
+    _tell_change_of_density(summary(network)["void_ratio"], measured["void_ratio"])
+    at_rest = state.at_rest or not friction
+    notes = {"mu_comp": friction, "residual": state.residual, "at_rest": at_rest}
     study = sample.study | measured | notes
     provenance = _with_parent(options.made, network.provenance)
     write_sample(options.output, replace(sample, study=study, provenance=provenance))

@@ -126,11 +126,21 @@ class ElasticModuli(Drawn, Tabular):
         return frame
 
     def _repr_html_(self) -> str:
-        """Return the stiffness tensor, Pa, as a table, for a notebook."""
+        """Return isotropic moduli, velocities and stiffness as tables, for a notebook."""
+        error = f"± {100 * self.error:.2g} %"
+        velocity_error = f"± {50 * self.error:.2g} %"
+        numbers = [
+            ["bulk modulus K", quantity(self.bulk_modulus, "Pa"), error],
+            ["shear modulus G", quantity(self.shear_modulus, "Pa"), error],
+            ["Poisson's ratio", f"{self.poisson:.4g}", ""],
+            ["V_P", quantity(self.v_p, "m/s"), velocity_error],
+            ["V_S", quantity(self.v_s, "m/s"), velocity_error],
+        ]
         rows = []
         for name, row in zip(STRAINS, self.stiffness, strict=True):
             rows.append([name, *(f"{number:.5g}" for number in row)])
-        return html_table(["Pa", *STRAINS], rows)
+        isotropic = html_table(["isotropic mean", "value", "relative error"], numbers)
+        return isotropic + html_table(["stiffness, Pa", *STRAINS], rows)
 
     def velocities(self, direction: ArrayLike) -> Floats:
         """Return the velocities (3,), m/s, of the longest waves along a direction (3,).

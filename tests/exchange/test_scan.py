@@ -7,6 +7,7 @@ from refusals import refusal
 
 import analysis
 import modal
+from modal.cli.main import main
 from modal.packing.checks import density_of
 from modal.packing.scan import Scan, alternatives, mean_contact_force
 from modal.packing.state import stress_tensor
@@ -108,6 +109,26 @@ def test_measured_quantities_have_the_error_and_the_caveat(scanned):
         assert "scanned" in values[name].codes
         assert values[name].error > 0.02 * values[name].value
     assert "scanned" not in values["void_ratio"].codes
+
+
+def test_error_of_a_velocity_has_that_of_the_moduli_once(scanned):
+    """Half the relative error of the moduli: a velocity is the root of modulus over density."""
+    value = analysis.measure(scanned, quantities="v_p")["v_p"]
+    moduli = modal.elastic_moduli(scanned)
+    assert value.error == pytest.approx(value.value * moduli.error / 2, rel=1e-9)
+
+
+def test_scan_with_friction_rests_under_its_stress(scanned, tmp_path):
+    """Creep until 1e-5 of the forces is left, so that the fixed cell takes no stress away.
+
+    A state's stress is exact to 0.3 %.
+    """
+    scan = tmp_path / "scan.network.h5"
+    modal.write(scan, scanned)
+    rested = tmp_path / "rested.sample.h5"
+    words = ["relax", str(scan), "--stress", f"{STRESS:g}", "--friction", "0.3"]
+    assert main([*words, "-o", str(rested)]) == 0
+    np.testing.assert_allclose(np.diag(stress_tensor(modal.read(rested))), STRESS, rtol=4e-3)
 
 
 def test_notes_survive_the_file(scanned, tmp_path):

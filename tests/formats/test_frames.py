@@ -69,9 +69,20 @@ def test_absent_packages_are_named(results, monkeypatch):
             result.to_xarray()
 
 
+def test_notebooks_show_a_description_as_a_table(crystal):
+    description = modal.describe(crystal)
+    html = description._repr_html_()
+    assert html.count("<tr>") == 1 + len(description.splitlines())
+    assert f"{crystal.n_particles}, diameters" in html
+
+
 def test_notebooks_show_tables(results):
     for name in ("modes", "moduli", "measurement"):
         html = results[name]._repr_html_()
         assert html.startswith("<table>")
         assert html.count("<tr>") == html.count("</tr>") > 2
+    value = results["measurement"]["void_ratio"]
+    assert value.text() in value._repr_html_()
+    moduli = results["moduli"]
+    assert f"{moduli.v_p:.4g} m/s" in moduli._repr_html_()
     assert f"{results['modes'].frequency[0]:.6g}" in results["modes"]._repr_html_()
