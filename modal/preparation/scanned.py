@@ -56,7 +56,8 @@ def sample_of_scan(network: Network, friction: float) -> Sample:
             "free_sides",
             "the sides along x or y are free",
             "a sample is periodic there",
-            "cut a box out of the scan and give its sides as periods (--cell, --periodic)",
+            "measure its moduli in a box with `moduli --inside`; a box that is cut out fits no "
+            "periodic cell, as its spheres overlap across the sides",
         )
     sample = bare_sample(taken_as_exact(network), friction)
     position = sample.position.copy()
