@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from modal.solvers.davidson import BLOCKS, GUARDS, WIDTH
 from modal.solvers.factor import Cost, Shape, choose, named
 from modal.system.linear_system import LinearSystem
 from modal.tools.memory import memory_at_hand
@@ -27,6 +28,13 @@ ORTHOGONALISATION_OPERATIONS = 4
 VECTORS_PER_MODE = 4
 MORE_VECTORS = 100
 """Vectors of a search by solves for each mode, and besides."""
+CYCLES_PER_MODE = 45
+MORE_CYCLES = 150
+"""Cycles of multigrid for each mode that Davidson's method finds, and besides for a second
+search."""
+DAVIDSON_OPERATIONS = 8
+"""Multiplications of Davidson's method besides cycles and products, for each vector and each number
+of the basis."""
 DENSE_OPERATIONS = 5
 """Multiplications of a dense eigenproblem, divided by the cube of its rows. Two blocks of opposite
 wave vectors share one complex eigenproblem, which costs about as much as two real ones."""
@@ -83,9 +91,12 @@ def by_multigrid(system: LinearSystem, count: int) -> Cost:
     """Estimate the cost of the `count` lowest modes by multigrid, without an exact count."""
     shape = shape_of(system)
     solver = named("multigrid").cost(shape, True)
-    search = _lanczos(system, VECTORS_PER_MODE * count + MORE_VECTORS, solver.each)
-    operations = solver.operations + search.operations
-    return Cost(solver.bytes + search.bytes, operations)
+    cycles = CYCLES_PER_MODE * count + MORE_CYCLES
+    basis = count + GUARDS + (BLOCKS + 1) * WIDTH
+    product = BLOCK_PRODUCT_OPERATIONS * shape.nonzeros
+    orthogonal = DAVIDSON_OPERATIONS * system.size * basis
+    each = solver.approximation + 2 * product + orthogonal
+    return Cost(solver.bytes + 8.0 * system.size * basis, solver.operations + cycles * each)
 
 
 def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from modal.modes.effort import PRODUCT_OPERATIONS, factorisation, refuse_endless_search
 from modal.modes.observables import Piece
 from modal.modes.soft_motions import soft_motions
+from modal.solvers.davidson import TOLERANCE, Operators, lowest_modes
 from modal.solvers.factor import Factor, SingularError, named
 from modal.solvers.lanczos import (
     ROOM,
@@ -85,7 +86,17 @@ class AboutShift:
 
     def near(self, count: int, held: Held) -> Nearest:
         """Find the `count` nearest modes besides those already excluded."""
-        return modes_nearest(self.factorised().solve, count, self.sigma, held)
+        factor = self.factorised()
+        if factor.approximate is not None:
+            return self.lowest(count, held)
+        return modes_nearest(factor.solve, count, self.sigma, held)
+
+    def lowest(self, count: int, held: Held, tolerance: float = TOLERANCE) -> Nearest:
+        """Find the `count` lowest modes with an approximate inverse, to a relative residual."""
+        factor = self.factorised()
+        operators = Operators(self.system.operator.apply, factor.precondition, self.sigma)
+        self.solver = f"davidson, cycles of {factor.solver}"
+        return lowest_modes(operators, count, held, tolerance)
 
     def release(self) -> None:
         """Free the memory of the factor, which an exact count needs."""
@@ -217,7 +228,7 @@ class Search:
         while going:
             n_known = len(self.square)
             missing = wanted - int(inside(self.square).sum())
-            count = min(missing, self._held().free)
+            count = min(missing, self.held().free)
             going = count > 0 and self.run_round(count)
             new = self.square[n_known:]
             going &= not len(new) or bool((inside(new) | (new == 0)).any())
@@ -257,7 +268,7 @@ class Search:
 
     def run_round(self, count: int) -> bool:
         """Search for `count` more modes; return whether any converged."""
-        nearest = self.source.near(count, self._held())
+        nearest = self.source.near(count, self.held())
         vector = nearest.vector
         if not nearest.converged.all():
             vector = vector[:, nearest.converged]
@@ -290,6 +301,6 @@ class Search:
         """The zero modes (size, z) that were found in addition to those in `null`."""
         return self.vector[:, self.square == 0]
 
-    def _held(self) -> Held:
+    def held(self) -> Held:
         """Return all modes that the next round excludes."""
         return Held(self.null, self.vector)

@@ -1,6 +1,6 @@
 """Search for the lowest modes without an exact count, and estimate whether the list is complete.
 
-Block Lanczos converges from the low end, so that a mode is missed only if the start block was
+Davidson's method converges from the low end, so that a mode is missed only if the start block was
 nearly orthogonal to it. Two tests show missing modes. A second search, from other vectors and
 orthogonal to all modes of the first, finds what the first one missed. The density of states, from
 products with random vectors, gives an estimate of the number of modes up to the last one.
@@ -18,6 +18,9 @@ from modal.tools.arrays import Bools, Floats
 
 SECOND_SEARCH_MODES = 4
 """Number of modes beyond the list that the second search finds before it ends."""
+SECOND_SEARCH_TOLERANCE = 1e-3
+"""Relative residual at which the second search ends, if all modes that it finds lie above the
+list."""
 RESOLUTION_SHARE = 0.05
 """Resolution of the density of states divided by the last frequency: a mode counts in part if it is
 as near to the last one."""
@@ -67,11 +70,13 @@ def search_uncounted(system: LinearSystem, count: int, sigma: float) -> Uncounte
     elastic = np.sort(search.square[is_elastic(search.square)])
     last = float(elastic[: count - missing][-1])
     n_known = len(search.square)
-    if search.run_round(SECOND_SEARCH_MODES):
+    rough = source.lowest(SECOND_SEARCH_MODES, search.held(), SECOND_SEARCH_TOLERANCE)
+    # There is a mode within the residual of each omega^2 that was found.
+    nearest = rough.square.min() * (1 - SECOND_SEARCH_TOLERANCE)
+    n_new = 0
+    if nearest < last and search.run_round(SECOND_SEARCH_MODES):
         new = search.square[n_known:]
         n_new = int((is_elastic(new) & (new < last)).sum())
-    else:
-        n_new = 0
     frequency = float(frequency_of(np.array(last)))
     states = density_of(system, RESOLUTION_SHARE * frequency, counting=False)
     value, error = states.count_below(frequency)

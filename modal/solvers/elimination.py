@@ -14,8 +14,9 @@ first.
 import numpy as np
 import scipy.sparse as sp
 
+from modal.solvers import multigrid_loops as loops
 from modal.solvers.hierarchy import Hierarchy
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Floats, Ints, Singles
 
 MAX_CONTACTS = 4
 """Largest number of contacts of an eliminated body. Of 35,201 spheres with z = 4.45 this takes
@@ -32,32 +33,60 @@ class EliminationHierarchy:
     matrix : sparse matrix (6 n, 6 n) in blocks (6, 6), symmetric and positive definite
     smooth_motions : ndarray (6 n, 6)
         As in `modal.solvers.hierarchy.Hierarchy`.
+    bodies : ndarray of int (n,)
+        Order of the bodies in which those that touch are neighbours.
     """
 
-    def __init__(self, matrix: sp.bsr_matrix, smooth_motions: Floats) -> None:
-        n = len(matrix.indptr) - 1
-        out = independent_bodies(matrix)
-        remaining = np.setdiff1d(np.arange(n), out)
-        own = some_blocks(matrix, out, out)
-        inverses = np.linalg.inv(own.data)
-        self.inverse = sp.bsr_matrix((inverses, own.indices, own.indptr), own.shape)
-        self.coupling = some_blocks(matrix, remaining, out)
-        transposed = self.coupling.T.tobsr((ROWS, ROWS))
-        rest = some_blocks(matrix, remaining, remaining)
-        schur = rest - self.coupling @ (self.inverse @ transposed)
-        self.out = rows_of(out)
-        self.remaining = rows_of(remaining)
-        self.hierarchy = Hierarchy(schur.tobsr((ROWS, ROWS)), smooth_motions[self.remaining])
+    def __init__(self, matrix: sp.bsr_matrix, smooth_motions: Floats, bodies: Ints) -> None:
+        self.scale = float(matrix.diagonal().max())
+        is_out = np.zeros(len(bodies), bool)
+        is_out[independent_bodies(matrix)] = True
+        self.out = bodies[is_out[bodies]]
+        self.remaining = bodies[~is_out[bodies]]
+        own = some_blocks(matrix, self.out, self.out)
+        inverse = np.linalg.inv(own.data)
+        coupling = some_blocks(matrix, self.remaining, self.out)
+        # Blocks of the product with the inverse, column by column: no second sparse product.
+        weighted = sp.bsr_matrix(
+            (coupling.data @ inverse[coupling.indices], coupling.indices, coupling.indptr),
+            coupling.shape,
+        )
+        rest = some_blocks(matrix, self.remaining, self.remaining)
+        schur = (rest - weighted @ coupling.T.tobsr((ROWS, ROWS))).tobsr((ROWS, ROWS))
+        schur.data /= self.scale
+        self.inverse = (inverse * self.scale).astype(np.float32)
+        coupling.data /= -self.scale
+        self.coupling = coupling.astype(np.float32)
+        self.hierarchy = Hierarchy(schur, smooth_motions[rows_of(self.remaining)])
 
     def apply(self, load: Floats) -> Floats:
         """Return the approximate solution for loads (6 n, k)."""
-        solution = np.empty_like(load)
-        eliminated = self.inverse @ load[self.out]
-        reduced_load = load[self.remaining] - self.coupling @ eliminated
-        reduced = self.hierarchy.apply(reduced_load)
-        solution[self.remaining] = reduced
-        solution[self.out] = eliminated - self.inverse @ (self.coupling.T @ reduced)
+        load = np.ascontiguousarray(load)
+        size, count = load.shape
+        largest = abs(load).max(axis=0, initial=0.0)
+        largest[largest == 0] = 1.0
+        solution = np.empty((size, count))
+        eliminated = _groups(len(self.out), count)
+        reduced = _groups(len(self.remaining), count)
+        loops.gather(eliminated, load, self.out, 1 / largest)
+        loops.gather(reduced, load, self.remaining, 1 / largest)
+        pattern = (self.coupling.indptr, self.coupling.indices, self.coupling.data)
+        loops.scale_blocks(eliminated, self.out, self.inverse)
+        loops.transfer(reduced, eliminated, *pattern, True)
+        reduced = self.hierarchy.cycle(reduced)
+        back = np.zeros_like(eliminated)
+        loops.transfer(reduced, back, *pattern, False)
+        loops.scale_blocks(back, self.out, self.inverse)
+        eliminated += back
+        loops.scatter(eliminated, solution, self.out, largest / self.scale)
+        loops.scatter(reduced, solution, self.remaining, largest / self.scale)
         return solution
+
+
+def _groups(bodies: int, columns: int) -> Singles:
+    """Return an array for columns of bodies in groups, (groups, n, 6, 8)."""
+    groups = -(-columns // loops.COLUMNS)
+    return np.empty((groups, bodies, ROWS, loops.COLUMNS), np.float32)
 
 
 def independent_bodies(matrix: sp.bsr_matrix) -> Ints:

@@ -57,6 +57,8 @@ ROOM = 4
 MIN_PIVOT_RATIO = 1e-5
 """Least ratio of pivots of columns that count as independent. From 1e-8 on the Gram matrix is lost
 in round-off."""
+MIN_REMAINDER = 1e-3
+"""Least part of a column that must be new for one pass of Gram-Schmidt to suffice."""
 ROWS_COMBINED_TOGETHER = 4096
 """Rows of the basis that are combined in one product."""
 MIN_NUMBERS_FOR_THREADS = 1e6
@@ -217,12 +219,24 @@ def modes_from_top(apply: Callable[[Floats], Floats], count: int, held: Held, mo
     return _find_largest(spectrum, count, held, limits)
 
 
-def orthonormal(block: Floats, held: Held) -> Floats:
+def orthonormal(block: Floats, held: Held, basis: Floats | None = None) -> Floats:
     """Return an orthonormal basis (size, w) of a block (size, w), orthogonal to the known modes.
 
-    The block is overwritten.
+    It is also orthogonal to an orthonormal `basis` (size, k), if one is given. The block is
+    overwritten. The second pass of Gram-Schmidt is left out if the first one left at least
+    `MIN_REMAINDER` of each column, so that round-off cannot have grown by more than its inverse.
     """
-    return _orthogonalise(block, block[:, :0], held).block
+    if basis is None:
+        return _orthogonalise(block, block[:, :0], held).block
+    for _ in range(2):
+        norm = np.linalg.norm(block, axis=0)
+        held.take_out_of(block)
+        block -= basis @ (basis.T @ block)
+        block, factor = _orthonormal_columns(block)
+        if (abs(factor.diagonal()) >= MIN_REMAINDER * norm).all():
+            break
+    block, _ = _orthonormal_columns(block)
+    return block
 
 
 def _find_largest(
@@ -285,7 +299,7 @@ def _iterate(spectrum: Spectrum, count: int, held: Held, limits: Limits, lifted:
                 break
             if full:
                 best = best[:restart_dimension]
-                _combine(basis[:, :dimension], vector[:, best])
+                combine(basis[:, :dimension], vector[:, best])
                 projected[:] = 0
                 projected[range(restart_dimension), range(restart_dimension)] = value[best]
                 dimension = restart_dimension
@@ -298,7 +312,7 @@ def _iterate(spectrum: Spectrum, count: int, held: Held, limits: Limits, lifted:
         dimension += width
     square = spectrum.square(value[chosen])
     order = np.argsort(square)
-    _combine(basis[:, :dimension], vector[:, chosen[order]])
+    combine(basis[:, :dimension], vector[:, chosen[order]])
     basis.resize((size, len(chosen)), refcheck=False)  # gives the rest back without a copy
     return Nearest(square[order], basis, converged[order], vectors_used)
 
@@ -412,7 +426,7 @@ def _orthonormal_columns(block: Floats) -> tuple[Floats, Floats]:
     return block @ inverse, factor
 
 
-def _combine(basis: Floats, mixing: Floats) -> None:
+def combine(basis: Floats, mixing: Floats) -> None:
     """Replace the first columns of `basis` (size, k) by basis @ `mixing`, `mixing` (k, c), c <= k.
 
     The other columns become meaningless. Rows are combined in place, a part of them at a time, so

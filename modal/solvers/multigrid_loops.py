@@ -4,6 +4,9 @@ Vectors have the shape (groups, n, 6, 8): groups of eight columns, n bodies with
 block of the matrix is read once for the eight columns of a group, which takes hardly longer than
 for one column. The groups are distributed over the threads. Rows of the matrix have ascending
 columns, and `diagonal` (n,) is the place of each row's own block.
+
+All is in single precision, which halves memory and time: a cycle only approximates the inverse, and
+the iterations around it are in double precision.
 """
 
 import numpy as np
@@ -63,8 +66,8 @@ def _subtract_row(rest, blocks, columns, first, last, x, out):
 def _solve_lower(x, rhs, pointers, columns, diagonal, blocks, inverses):
     """Set x to the solution of (L + D) x = rhs: a forward sweep that starts from zero."""
     for group in prange(len(x)):
-        rest = np.empty(SIZE)
-        out = np.empty(SIZE)
+        rest = np.empty(SIZE, np.float32)
+        out = np.empty(SIZE, np.float32)
         solution = x[group].reshape(-1)
         load = rhs[group].reshape(-1)
         entries = blocks.reshape(-1)
@@ -79,7 +82,7 @@ def _solve_lower(x, rhs, pointers, columns, diagonal, blocks, inverses):
 def _subtract_upper(x, residual, pointers, columns, diagonal, blocks):
     """Set the residual to -U x, which is rhs - A x after the solution of (L + D) x = rhs."""
     for group in prange(len(x)):
-        out = np.empty(SIZE)
+        out = np.empty(SIZE, np.float32)
         solution = x[group].reshape(-1)
         rest = residual[group].reshape(-1)
         rest[:] = 0.0
@@ -92,8 +95,8 @@ def _subtract_upper(x, residual, pointers, columns, diagonal, blocks):
 def _sweep_back(x, rhs, pointers, columns, diagonal, blocks, inverses):
     """Set x, body by body from the last to the first, to balance rhs (Gauss-Seidel)."""
     for group in prange(len(x)):
-        rest = np.empty(SIZE)
-        out = np.empty(SIZE)
+        rest = np.empty(SIZE, np.float32)
+        out = np.empty(SIZE, np.float32)
         solution = x[group].reshape(-1)
         load = rhs[group].reshape(-1)
         entries = blocks.reshape(-1)
@@ -110,7 +113,7 @@ def _sweep_back(x, rhs, pointers, columns, diagonal, blocks, inverses):
 def _transfer(x, coarse, pointers, columns, blocks, prolongs):
     """Add P coarse to x if `prolongs`, otherwise P^T x to `coarse`; P has `blocks` (q, 6, 6)."""
     for group in prange(len(x)):
-        out = np.empty(SIZE)
+        out = np.empty(SIZE, np.float32)
         fine = x[group].reshape(-1)
         flat = coarse[group].reshape(-1)
         entries = blocks.reshape(-1)
@@ -130,6 +133,52 @@ def _transfer(x, coarse, pointers, columns, blocks, prolongs):
                         partner[k] += out[k]
 
 
+def _scale_blocks(x, pointers, inverses):
+    """Multiply each body's part of x by its own block of `inverses` (n, 6, 6), in place.
+
+    `pointers` (n,) has an entry for each body.
+    """
+    for group in prange(len(x)):
+        out = np.empty(SIZE, np.float32)
+        solution = x[group].reshape(-1)
+        inverse = inverses.reshape(-1)
+        for i in range(len(pointers)):
+            own = solution[SIZE * i : SIZE * (i + 1)]
+            _multiply(inverse[ROWS * ROWS * i : ROWS * ROWS * (i + 1)], own, out)
+            own[:] = out
+
+
+def _gather(x, columns, bodies, scale):
+    """Set x to columns (6 m, k) of loads, each times its `scale` (k,).
+
+    `bodies` (n,) are their rows' bodies in the order of x.
+    """
+    count = columns.shape[1]
+    for group in prange(len(x)):
+        first = COLUMNS * group
+        width = min(COLUMNS, count - first)
+        for i in range(len(bodies)):
+            for r in range(ROWS):
+                row = columns[ROWS * bodies[i] + r]
+                for v in range(COLUMNS):
+                    x[group, i, r, v] = 0.0
+                for v in range(width):
+                    x[group, i, r, v] = row[first + v] * scale[first + v]
+
+
+def _scatter(x, columns, bodies, scale):
+    """Set columns (6 m, k) of solutions to x, each times its `scale` (k,), as `gather` reads."""
+    count = columns.shape[1]
+    for group in prange(len(x)):
+        first = COLUMNS * group
+        width = min(COLUMNS, count - first)
+        for i in range(len(bodies)):
+            for r in range(ROWS):
+                row = columns[ROWS * bodies[i] + r]
+                for v in range(width):
+                    row[first + v] = x[group, i, r, v] * scale[first + v]
+
+
 if numba is not None:
     _FINGERPRINT = fingerprint()
     _multiply = compiled_part(_multiply, _FINGERPRINT, fastmath=True)
@@ -139,3 +188,6 @@ if numba is not None:
     subtract_upper = compiled(_subtract_upper, 2, _FINGERPRINT, fastmath=True)
     sweep_back = compiled(_sweep_back, 2, _FINGERPRINT, fastmath=True)
     transfer = compiled(_transfer, 2, _FINGERPRINT, fastmath=True)
+    scale_blocks = compiled(_scale_blocks, 1, _FINGERPRINT, fastmath=True)
+    gather = compiled(_gather, 2, _FINGERPRINT, fastmath=True)
+    scatter = compiled(_scatter, 2, _FINGERPRINT, fastmath=True)

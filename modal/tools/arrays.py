@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Complex = NDArray[np.complex128]
 Ints = NDArray[np.integer[Any]]
 """Indices and counts, of 4 bytes, as in files, or of 8, with which numpy counts."""

@@ -86,19 +86,23 @@ def test_solutions_equal_those_of_a_direct_factor(system):
 
 @needs_pyamg
 def test_a_cycle_is_linear_symmetric_and_positive(system):
-    """Check what conjugate gradients rely on; columns do not notice each other."""
+    """Check what conjugate gradients rely on; columns do not notice each other.
+
+    Single precision rounds at 6e-8; sums of many entries may lose a further digit.
+    """
     factor, _ = factor_of(system)
     basis = soft_motions(system).free
     load = np.random.default_rng(2).standard_normal((system.size, 11))
     load -= basis @ (basis.T @ load)
     result = factor.precondition(load)
     products = load.T @ result
-    assert products == pytest.approx(products.T, rel=1e-10, abs=1e-12 * abs(products).max())
+    assert products == pytest.approx(products.T, rel=1e-5, abs=1e-6 * abs(products).max())
     assert eigh(products, eigvals_only=True).min() > 0
-    assert (factor.precondition(load[:, 3:4]) == result[:, 3:4]).all()
+    alone = factor.precondition(load[:, 3:4])
+    assert np.linalg.norm(alone - result[:, 3:4]) <= 1e-6 * np.linalg.norm(alone)
     mixed = load @ np.ones((11, 1))
     total = result.sum(axis=1, keepdims=True)
-    assert np.linalg.norm(factor.precondition(mixed) - total) <= 1e-12 * np.linalg.norm(total)
+    assert np.linalg.norm(factor.precondition(mixed) - total) <= 1e-5 * np.linalg.norm(total)
 
 
 @needs_pyamg
@@ -117,9 +121,11 @@ def test_eliminated_bodies_do_not_touch_and_have_few_contacts():
     for most in (100, 10**6):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("modal.solvers.hierarchy.MAX_COARSEST_ROWS", most)
-            inverse = elimination.EliminationHierarchy(matrix, soft_motions(system).rigid)
+            inverse = elimination.EliminationHierarchy(
+                matrix, soft_motions(system).rigid, np.arange(matrix.shape[0] // 6)
+            )
         residual = np.linalg.norm(matrix @ inverse.apply(load) - load) / np.linalg.norm(load)
-        assert (residual < 1e-12) == (most == 10**6)
+        assert (residual < 1e-4) == (most == 10**6)
 
 
 @needs_pyamg

@@ -53,30 +53,27 @@ def _load() -> None:
 
 def _make(problem: Problem) -> Factor:
     """Make the hierarchy of a positive definite matrix whose soft motions are known."""
-    from modal.solvers.elimination import ROWS, EliminationHierarchy, rows_of, some_blocks
+    from modal.solvers.elimination import ROWS, EliminationHierarchy
 
     soft = problem.soft
     if soft is None:
         raise ValueError("multigrid needs the soft motions of the packing")
-    matrix = problem.matrix
+    matrix = problem.matrix.tobsr((ROWS, ROWS))
     free = soft.free
     largest = float(matrix.diagonal().max())
     is_local = np.diff(free.indptr) <= MAX_LIFTED_ENTRIES
     local = free[:, is_local]
-    lifted = matrix + LIFT * largest * (local @ local.T)
-    bodies = _body_order(problem.order // ROWS)
-    rows = rows_of(bodies)
-    ordered = some_blocks(lifted.tobsr((ROWS, ROWS)), bodies, bodies)
-    hierarchy = EliminationHierarchy(ordered, soft.rigid[rows])
+    lifted = matrix + (LIFT * largest * (local @ local.T)).tobsr((ROWS, ROWS))
+    hierarchy = EliminationHierarchy(
+        lifted.tobsr((ROWS, ROWS)), soft.rigid, _body_order(problem.order // ROWS)
+    )
     free_energy = np.asarray(free.multiply(matrix @ free).sum(axis=0)).ravel()
 
     def hold(columns: Floats) -> Floats:
         return columns - free @ (free.T @ columns)
 
     def approximate(load: Floats) -> Floats:
-        solution = np.empty_like(load)
-        solution[rows] = hierarchy.apply(hold(load)[rows])
-        return hold(solution)
+        return hold(hierarchy.apply(hold(load)))
 
     def solve(load: Array) -> Array:
         columns = load.reshape(len(load), -1)
