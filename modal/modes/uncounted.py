@@ -16,11 +16,15 @@ from modal.modes.zero_modes import by_structure
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats
 
+SECOND_SEARCH_TOLERANCE = 1e-2
+"""Relative residual at which the second search has its lowest mode. If this lies above the list, no
+mode was missed."""
+NEAR_LAST = 1e-3
+"""Distance above the last omega^2, divided by it, within which the lowest mode of the second search
+may lie below: its omega^2 errs by the square of the residual divided by the relative distance of
+further modes."""
 SECOND_SEARCH_MODES = 4
-"""Number of modes beyond the list that the second search finds before it ends."""
-SECOND_SEARCH_TOLERANCE = 1e-3
-"""Relative residual at which the second search ends, if all modes that it finds lie above the
-list."""
+"""Number of modes that the second search then finds to the full number of digits."""
 RESOLUTION_SHARE = 0.05
 """Resolution of the density of states divided by the last frequency: a mode counts in part if it is
 as near to the last one."""
@@ -70,11 +74,9 @@ def search_uncounted(system: LinearSystem, count: int, sigma: float) -> Uncounte
     elastic = np.sort(search.square[is_elastic(search.square)])
     last = float(elastic[: count - missing][-1])
     n_known = len(search.square)
-    rough = source.lowest(SECOND_SEARCH_MODES, search.held(), SECOND_SEARCH_TOLERANCE)
-    # There is a mode within the residual of each omega^2 that was found.
-    nearest = rough.square.min() * (1 - SECOND_SEARCH_TOLERANCE)
+    rough = source.lowest(1, search.held(), SECOND_SEARCH_TOLERANCE)
     n_new = 0
-    if nearest < last and search.run_round(SECOND_SEARCH_MODES):
+    if rough.square[0] < last * (1 + NEAR_LAST) and search.run_round(SECOND_SEARCH_MODES):
         new = search.square[n_known:]
         n_new = int((is_elastic(new) & (new < last)).sum())
     frequency = float(frequency_of(np.array(last)))
