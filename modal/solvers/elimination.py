@@ -11,6 +11,8 @@ with each other. Therefore only bodies with few contacts are eliminated, those w
 first.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -25,39 +27,62 @@ ROWS = 6
 """Rows of a body."""
 
 
+class Eliminated(NamedTuple):
+    """A matrix A in blocks after the elimination of a set E of bodies; R are the other bodies.
+
+    out, remaining: bodies (e,), (r,) of E and R. inverse: blocks (e, 6, 6) of A_EE^-1. coupling:
+    A_RE. schur: S.
+    """
+
+    out: Ints
+    remaining: Ints
+    inverse: Floats
+    coupling: sp.bsr_matrix
+    schur: sp.bsr_matrix
+
+
+def eliminate(matrix: sp.bsr_matrix, bodies: Ints) -> Eliminated:
+    """Eliminate bodies with few contacts.
+
+    Parameters
+    ----------
+    matrix : sparse matrix (6 n, 6 n) in blocks (6, 6), symmetric and positive definite
+    bodies : ndarray of int (n,)
+        Order of the bodies in which those that touch are neighbours; the result keeps it.
+    """
+    is_out = np.zeros(len(bodies), bool)
+    is_out[independent_bodies(matrix)] = True
+    out = bodies[is_out[bodies]]
+    remaining = bodies[~is_out[bodies]]
+    inverse = np.linalg.inv(some_blocks(matrix, out, out).data)
+    coupling = some_blocks(matrix, remaining, out)
+    weighted_blocks = coupling.data @ inverse[coupling.indices]
+    weighted = sp.bsr_matrix((weighted_blocks, coupling.indices, coupling.indptr), coupling.shape)
+    added = weighted @ coupling.T.tobsr((ROWS, ROWS))
+    schur = (some_blocks(matrix, remaining, remaining) - added).tobsr((ROWS, ROWS))
+    return Eliminated(out, remaining, inverse, coupling, schur)
+
+
 class EliminationHierarchy:
     """The approximate inverse of a matrix by elimination of bodies, and multigrid on the others.
 
     Parameters
     ----------
-    matrix : sparse matrix (6 n, 6 n) in blocks (6, 6), symmetric and positive definite
+    parts : Eliminated
+        The matrix, which is scaled in place.
     smooth_motions : ndarray (6 n, 6)
         As in `modal.solvers.hierarchy.Hierarchy`.
-    bodies : ndarray of int (n,)
-        Order of the bodies in which those that touch are neighbours.
     """
 
-    def __init__(self, matrix: sp.bsr_matrix, smooth_motions: Floats, bodies: Ints) -> None:
-        self.scale = float(matrix.diagonal().max())
-        is_out = np.zeros(len(bodies), bool)
-        is_out[independent_bodies(matrix)] = True
-        self.out = bodies[is_out[bodies]]
-        self.remaining = bodies[~is_out[bodies]]
-        own = some_blocks(matrix, self.out, self.out)
-        inverse = np.linalg.inv(own.data)
-        coupling = some_blocks(matrix, self.remaining, self.out)
-        # Blocks of the product with the inverse, column by column: no second sparse product.
-        weighted = sp.bsr_matrix(
-            (coupling.data @ inverse[coupling.indices], coupling.indices, coupling.indptr),
-            coupling.shape,
-        )
-        rest = some_blocks(matrix, self.remaining, self.remaining)
-        schur = (rest - weighted @ coupling.T.tobsr((ROWS, ROWS))).tobsr((ROWS, ROWS))
-        schur.data /= self.scale
-        self.inverse = (inverse * self.scale).astype(np.float32)
-        coupling.data /= -self.scale
-        self.coupling = coupling.astype(np.float32)
-        self.hierarchy = Hierarchy(schur, smooth_motions[rows_of(self.remaining)])
+    def __init__(self, parts: Eliminated, smooth_motions: Floats) -> None:
+        self.scale = float(parts.schur.diagonal().max())
+        self.out = parts.out
+        self.remaining = parts.remaining
+        parts.schur.data /= self.scale
+        parts.coupling.data /= -self.scale
+        self.inverse = (parts.inverse * self.scale).astype(np.float32)
+        self.coupling = parts.coupling.astype(np.float32)
+        self.hierarchy = Hierarchy(parts.schur, smooth_motions[rows_of(parts.remaining)])
 
     def apply(self, load: Floats) -> Floats:
         """Return the approximate solution for loads (6 n, k)."""

@@ -9,6 +9,7 @@ stiff, and their part of the solution is computed separately. The method gives n
 import importlib.util
 
 import numpy as np
+import scipy.sparse as sp
 
 from modal.solvers.conjugate_gradients import conjugate_gradients
 from modal.solvers.factor import Cost, Factor, Factorisation, Problem, Shape
@@ -53,20 +54,17 @@ def _load() -> None:
 
 def _make(problem: Problem) -> Factor:
     """Make the hierarchy of a positive definite matrix whose soft motions are known."""
-    from modal.solvers.elimination import ROWS, EliminationHierarchy
+    from modal.solvers.elimination import ROWS, EliminationHierarchy, eliminate
 
     soft = problem.soft
     if soft is None:
         raise ValueError("multigrid needs the soft motions of the packing")
-    matrix = problem.matrix.tobsr((ROWS, ROWS))
+    matrix = problem.matrix
     free = soft.free
-    largest = float(matrix.diagonal().max())
-    is_local = np.diff(free.indptr) <= MAX_LIFTED_ENTRIES
-    local = free[:, is_local]
-    lifted = matrix + (LIFT * largest * (local @ local.T)).tobsr((ROWS, ROWS))
-    hierarchy = EliminationHierarchy(
-        lifted.tobsr((ROWS, ROWS)), soft.rigid, _body_order(problem.order // ROWS)
-    )
+    bodies = _body_order(problem.order // ROWS)
+    parts = eliminate(_lifted(matrix, free), bodies)
+    hierarchy = EliminationHierarchy(parts, soft.rigid)
+    del parts
     free_energy = np.asarray(free.multiply(matrix @ free).sum(axis=0)).ravel()
 
     def hold(columns: Floats) -> Floats:
@@ -90,6 +88,16 @@ def _make(problem: Problem) -> Factor:
         return solution.reshape(load.shape)
 
     return Factor(solve, None, approximate=approximate)
+
+
+def _lifted(matrix: sp.csr_matrix, free: sp.csc_matrix) -> sp.bsr_matrix:
+    """Return a matrix, in blocks of bodies, in which local motions without energy are stiff."""
+    from modal.solvers.elimination import ROWS
+
+    is_local = np.diff(free.indptr) <= MAX_LIFTED_ENTRIES
+    local = free[:, is_local]
+    largest = float(matrix.diagonal().max())
+    return (matrix + LIFT * largest * (local @ local.T)).tobsr((ROWS, ROWS))
 
 
 def _body_order(body_of_row: Ints) -> Ints:
