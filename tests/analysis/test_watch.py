@@ -345,3 +345,42 @@ def test_a_browser_plays_it(folder, slipping, name, tmp_path):
     if product in ("signals", "slip"):
         coloured = np.ptp(view, axis=2) > 60
         assert coloured.sum() > 200
+
+
+TURN_BY_KEYS = """<script>
+      playing = false;
+      const seen = () => camera.position.toArray().map((x) => x.toFixed(9)).join();
+      const views = [(home(), seen())];
+      for (const key of ["ArrowLeft", "ArrowUp", "+", "Home"]) {
+        by("stage").dispatchEvent(new KeyboardEvent("keydown", { key }));
+        views.push(seen());
+      }
+      document.body.dataset.views = new Set(views).size;
+      document.body.dataset.back = views[0] === views[4];
+    </script></body>"""
+
+
+def test_keys_turn_and_zoom_the_packing(folder, tmp_path):
+    page = tmp_path / "keys.html"
+    text = (folder[0] / "modes.html").read_text()
+    page.write_text(text.replace("</body>", TURN_BY_KEYS))
+    elements, _ = open_in_browser(page.as_uri(), tmp_path)
+    (state,) = re.findall(r"<body ([^>]*)>", elements)
+    assert 'data-views="4"' in state
+    assert 'data-back="true"' in state
+
+
+@pytest.mark.parametrize("name", ["signals", "modes"])
+def test_every_control_of_the_page_has_a_name(folder, name):
+    """A name is a label around the control, a text in it, or `aria-label`."""
+    page = (folder[0] / f"{name}.html").read_text().split("<script>")[0]
+    labelled = {
+        re.search(r'<(?:input|select) id="(\w+)"', label)[1]
+        for label in re.findall(r"<label.*?</label>", page, re.DOTALL)
+    }
+    controls = re.findall(r'<(?:input|select) id="(\w+)"([^>]*)>', page)
+    assert len(controls) > 8
+    for control, attributes in controls:
+        assert control in labelled or "aria-label" in attributes, control
+    assert 'id="stage" tabindex="0" role="application"' in page
+    assert '<html lang="en">' in page
