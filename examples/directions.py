@@ -16,10 +16,14 @@ packings = {
     "random": modal.random_packing(1500, stress=1e5, seed=1),
 }
 angle = np.linspace(0, 2 * np.pi, 121)
-figure, axes = plt.subplots(1, 2, figsize=(8, 4), subplot_kw={"projection": "polar"})
+figure, axes = plt.subplots(
+    1, 2, figsize=(8, 4.4), subplot_kw={"projection": "polar"}, layout="constrained"
+)
 for ax, (name, packing) in zip(axes, packings.items(), strict=True):
     moduli = modal.elastic_moduli(packing)
     speeds = np.array([moduli.velocities((np.sin(a), 0, np.cos(a))) for a in angle])
-    ax.plot(angle, speeds)
+    ax.plot(angle, speeds, label=["V_P", "V_S, one", "V_S, other"])
+    ax.set_rticks([200, 400, 600])
     ax.set_title(f"{name}, m/s\nanisotropy {moduli.anisotropy:.3f}")
+axes[0].legend(loc="center")
 plt.show()

@@ -20,5 +20,6 @@ response.plot(ax)
 for k, f in enumerate(resonances[resonances < 3e4]):
     label = {} if k else {"label": "standing waves between walls that are held"}
     ax.axvline(f / 1e3, color="0.6", ls=":", **label)
-ax.legend()
+ax.set_ylim(top=60)
+ax.legend(loc="upper right")
 plt.show()

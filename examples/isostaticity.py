@@ -105,8 +105,8 @@ def draw_frequencies(tables, dashed, label):
         ax.plot(along, slope * (along + 4 - zero), "k--", lw=0.8, label=label)
         draw_points(ax, table, table["z"] - 4, table[name], table[bars])
         ax.set_title(name, fontsize=8)
-        ax.set(xlabel="z - 4", xlim=(0, 3.1), ylim=(0, 0.36))
-    axes[0].set_ylabel("frequency / highest frequency")
+        ax.set(xlabel="z - 4 (-)", xlim=(0, 3.1), ylim=(0, 0.36))
+    axes[0].set_ylabel("frequency / highest frequency (-)")
     kinds = [(f"{mu:g}", COLOURS[mu], "o") for mu in np.unique(table["friction"])]
     draw_legend(axes[0], "friction", kinds)
     draw_legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", MARKERS[p]) for p in stresses])
@@ -218,8 +218,8 @@ for ax, name in zip(axes, ["void_ratio", *NAMES], strict=True):
         style = EDGE | {"fmt": marker, "color": colour, "ecolor": "k", "elinewidth": 0.6}
         ax.errorbar(means["z"] - 4, means[name], means["bars"], **style)
     ax.set_title(name.replace("_", " ").removesuffix(" (2 %)"), fontsize=8)
-    ax.set(xlabel="z - 4", xlim=(0, 2.4))
-axes[1].set_ylabel("frequency / highest frequency")
+    ax.set(xlabel="z - 4 (-)", xlim=(0, 2.4))
+axes[1].set_ylabel("frequency / highest frequency (-)")
 draw_legend(axes[2], "", [(kind, colour, mark) for kind, (mark, colour) in LOOKS.items()])
 figures["one_void_ratio"] = figure
 plt.show()
@@ -256,9 +256,11 @@ draw_points(axes[3], study, study["z"] - 4, wavelength, study["wavelength_error"
 level = np.exp(np.mean(np.log(wavelength * (z - 4) ** 0.5)))
 axes[3].plot(along[1:], level * along[1:] ** -0.5, "k--", lw=0.8, label="power -1/2")
 axes[3].axhline(rows["width_over_d"].mean(), color="0.5", lw=0.8, ls=":", label="width of the cell")
-axes[3].set(xscale="log", yscale="log", xlabel="z - 4", ylabel="wavelength / D", xlim=(0.4, 3.2))
+axes[3].set(xscale="log", yscale="log", xlim=(0.4, 3.2))
+axes[3].set(xlabel="z - 4 (-)", ylabel="wavelength / D (-)")
 axes[3].set_yticks([8, 10, 15, 20, 25], ["8", "10", "15", "20", "25"])
 axes[3].set_xticks([0.5, 1, 2, 3], ["0.5", "1", "2", "3"])
+axes[2].set_xticks([0.55, 0.65])
 for ax in axes:
     ax.minorticks_off()
 axes[3].legend(**LEGEND)

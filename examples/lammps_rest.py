@@ -155,6 +155,13 @@ def packings_of(seed):
     yield "LAMMPS", run_lammps(cloud.position, cell, compress_script())
 
 
+# %%
+# **The packings** of two clouds, as they are committed: void ratio, contacts and velocities are
+# those of the cloud, whichever program brought it to rest.
+
+committed = pd.read_csv(RESULTS / "independent/lammps_rest.csv")
+print(committed.to_string(index=False, float_format="%.4g"))
+
 if __name__ == "__main__" and len(sys.argv) == 2:
     rows = []
     for seed in SEEDS:

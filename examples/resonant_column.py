@@ -60,15 +60,16 @@ def resonance(column, direction, expected, resolution):
 
 packing = modal.random_packing(400, stress=1e5, seed=1, aspect=10)
 velocities = dict(zip("zx", modulus_velocities(packing, "x"), strict=True))
-figure, axes = plt.subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
 rows = []
+peaks = []
+qualities = []
 for direction, mark in zip(WAVES, "os", strict=True):
     velocity = velocities[direction]
     expected = velocity / (2 * packing.length)
     row, frequency, motion = resonance(packing, direction, expected, expected / 10)
     first = row["resonance"]
     rows.append({"wave": WAVES[direction], **row, "of_moduli": velocity})
-    axes[0].plot(frequency / first, motion, f"k{mark}-", ms=2.5, lw=0.6, label=WAVES[direction])
+    peaks.append((WAVES[direction], mark, frequency / first, motion))
 
     # **The coherent wave** of a pulse in the same packing: Q = omega / (2 alpha v). It is read over
     # half of the column, which has room for wavelengths from 4 f_1 on.
@@ -80,10 +81,7 @@ for direction, mark in zip(WAVES, "os", strict=True):
         quality = np.pi * coherent.frequency / (coherent.attenuation * phase_velocity)
     known = (quality > 0) & (coherent.frequency > 4 * first)
     known &= coherent.frequency < HIGHEST
-    axes[1].loglog(coherent.frequency[known] / 1e3, quality[known], f"k{mark}", ms=2.5, mfc="w")
-    span = np.array([first, HIGHEST])
-    axes[1].loglog(span / 1e3, row["quality"] * first / span, "k-", lw=0.6)
-    axes[1].loglog(first / 1e3, row["quality"], f"k{mark}", ms=5)
+    qualities.append((mark, coherent.frequency[known], quality[known]))
 
 # %%
 # **The torsional column**, as in laboratories: a cylinder cut out of a wider packing, with free
@@ -105,15 +103,28 @@ column = cylinder(wide)
 expected = torsional_mode(column)
 row, frequency, motion = resonance(column, "torsion", expected, expected / 40)
 rows.append({"wave": "torsional", **row, "of_moduli": modulus_velocities(wide, "x")[1]})
-axes[0].plot(frequency / row["resonance"], motion, "k^-", ms=2.5, lw=0.6, label="torsional")
-axes[1].loglog(row["resonance"] / 1e3, row["quality"], "k^", ms=5)
+peaks.append(("torsional", "^", frequency / row["resonance"], motion))
+rows = pd.DataFrame(rows)
+print(rows.to_string(index=False, float_format="%.4g"))
 
+# %%
+# **The picture**: the three resonances; Q of each by its peak (full), and of the coherent waves
+# (open), with lines that fall as 1 / f as dashpots make it.
+
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
+for wave, mark, over_first, motion in peaks:
+    axes[0].plot(over_first, motion, f"k{mark}-", ms=2.5, lw=0.6, label=wave)
+for mark, frequency, quality in qualities:
+    axes[1].loglog(frequency / 1e3, quality, f"k{mark}", ms=2.5, mfc="w")
+for (_, mark, *_), first, quality in zip(peaks, rows["resonance"], rows["quality"], strict=True):
+    axes[1].loglog(first / 1e3, quality, f"k{mark}", ms=5)
+    if mark != "^":
+        span = np.array([first, HIGHEST])
+        axes[1].loglog(span / 1e3, quality * first / span, "k-", lw=0.6)
 axes[0].set(xlabel="frequency / $f_1$", ylabel="motion at half height / that of the base")
 axes[0].legend(frameon=False)
 axes[1].set(xlabel="frequency, kHz", ylabel="Q", xticks=FREQUENCIES, xticklabels=FREQUENCIES)
 axes[1].minorticks_off()
-rows = pd.DataFrame(rows)
-print(rows.to_string(index=False, float_format="%.4g"))
 plt.show()
 
 if __name__ == "__main__" and len(sys.argv) == 2:

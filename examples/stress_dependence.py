@@ -96,7 +96,8 @@ for friction, mark in zip(FRICTIONS, "os^", strict=True):
         color="k", ms=4, label=f"friction {friction:g}", elinewidth=0.6,
     )  # fmt: skip
 left.set(xlabel="stress, kPa", ylabel="velocity, m/s")
-left.legend(frameon=False, fontsize=6, ncols=2)
+left.set_ylim(bottom=70)  # room for the legend
+left.legend(frameon=False, fontsize=6, ncols=2, loc="lower center")
 right.set(xlabel="stress, kPa", ylabel="Poisson's ratio", xscale="log", ylim=(0, 0.35))
 right.legend(frameon=False)
 plt.show()
