@@ -199,7 +199,7 @@ class Value:
             numbers.append(error)
         elif not unit:
             return f"{value:.{digits}g}{ending}"
-        texts, unit = scaled(numbers, unit, digits, prefixed=unit in ("Hz", "Pa"))
+        texts, unit = scaled(numbers, unit, digits, prefixed=unit in ("Hz", "Pa", "s"))
         return f"{' ± '.join(texts)} {unit}".strip() + ending
 
 
