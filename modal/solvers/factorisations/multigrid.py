@@ -27,7 +27,7 @@ LOOK_BACK_STEPS = 4
 MAX_STEPS = 2000
 SETUP_OPERATIONS = 4000
 """Multiplications to make the hierarchy, for each nonzero of the matrix."""
-CYCLE_OPERATIONS = 5
+CYCLE_OPERATIONS = 3
 """Multiplications of a cycle, for each nonzero and column of a group of eight."""
 STEPS = 30
 """Number of steps of a solution."""
