@@ -29,6 +29,7 @@ HOOKE = "hooke 4e6 0 tangential linear_history 3e6 0 3"
 LAWS = {
     "mindlin/force": ("granular", f"{GLASS} mindlin/force NULL 0 3"),
     "mindlin": ("granular", f"{GLASS} mindlin NULL 0 3"),
+    "mindlin_classic": ("granular", f"{GLASS} mindlin_classic 5e10 0 3"),
     "hooke": ("granular", HOOKE),
     "gran/hertz/history": ("gran/hertz/history 4.2e10 3.6e10 0 0 3 0", ""),
     "friction 0": ("gran/hooke/history 4e6 NULL 0 NULL 0 0", ""),
@@ -42,6 +43,7 @@ SAME = f"granular hertz {4 / 3 * 6e10 / (2 * (1 - 0.2**2))!r} 0"
 WALLS = {
     "mindlin/force": f"{SAME} tangential mindlin/force 5e10 0 3",
     "mindlin": f"{SAME} tangential mindlin 5e10 0 3",
+    "mindlin_classic": f"{SAME} tangential mindlin_classic 5e10 0 3",
     "hooke": f"granular {HOOKE}",
     "gran/hertz/history": "hertz/history 4.2e10 3.6e10 1e-9 0 3 0",
     "friction 0": "hooke/history 4e6 NULL 1e-9 NULL 0 0",

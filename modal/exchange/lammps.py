@@ -54,9 +54,9 @@ class TangentialModel(NamedTuple):
 TANGENTIAL = {
     "linear_nohistory": TangentialModel(2, False, FORCE),
     "linear_history": TangentialModel(3, False, DISPLACEMENT),
-    "linear_history/classic": TangentialModel(3, False, DISPLACEMENT),
+    "linear_history_classic": TangentialModel(3, False, DISPLACEMENT),
     "mindlin": TangentialModel(3, True, DISPLACEMENT),
-    "mindlin/classic": TangentialModel(3, True, DISPLACEMENT),
+    "mindlin_classic": TangentialModel(3, True, DISPLACEMENT),
     "mindlin/force": TangentialModel(3, True, FORCE),
     "mindlin_rescale": TangentialModel(3, True, SHRINKING_DISPLACEMENT),
     "mindlin_rescale/force": TangentialModel(3, True, SHRINKING_DISPLACEMENT),
