@@ -17,6 +17,10 @@ TEXTS: Final[Mapping[str, str]] = {
     # The packing.
     "one_sample": "one sample: how samples differ is not in the error; measure further seeds",
     "unsettled": "not in equilibrium: {excess}",
+    "sliding": (
+        "{share:.1%} of the contacts slide: they count with their tangential springs, as if the "
+        "wave held them; `moduli --sliding slip` leaves these springs out, a lower bound"
+    ),
     "crystalline": "crystalline: {share:.0%} of the bulk; no random packing",
     "no_solid": "density of no solid, {density:.4g} kg/m^3: mass in kg, radius in m?",
     "narrow": "narrow: {width:.1f} D wide; waves longer than that feel their images",
@@ -80,6 +84,10 @@ TEXTS: Final[Mapping[str, str]] = {
     "no_attenuation": "attenuation is not told from zero at any frequency",
     "crystal": "a crystal does not scatter its waves",
     "no_short_free_path": "no standing wave that could be read has so short a mean free path",
+    "beyond_limit": (
+        "the longest standing wave that could be read has a shorter mean free path already: the "
+        "limit lies below {lowest:.4g} Hz"
+    ),
     "walls": "walls: plane waves need a cell that is periodic all round",
     "narrow_for_waves": "the cell is narrower than the shortest waves that are read",
     "no_line": "no line of a plane wave stands out",

@@ -187,7 +187,10 @@ def ioffe_regel(packing: PackingData) -> Value:
     ridge = scattering(packing)
     steps = (step_of_limit(ridge),)
     if not np.isfinite(ridge.limit):
-        return unknown("Hz", Caveat("no_short_free_path"), steps=steps)
+        caveat = Caveat("no_short_free_path")
+        if steps[0].outcome == "starts_beyond":
+            caveat = Caveat("beyond_limit", {"lowest": steps[0].numbers["lowest"]})
+        return unknown("Hz", caveat, steps=steps)
     distance = np.sort(abs(ridge.frequency - ridge.limit))[:2].sum()
     caveats = packing.of_one_sample
     wavelength = ridge.velocity / ridge.limit

@@ -286,6 +286,25 @@ def test_spheres_that_come_apart_are_refused():
         relax(sample)
 
 
+def test_sample_that_loses_half_of_its_contacts_has_come_apart():
+    """Relax a row of three spheres, which its period holds, beside four pairs, which nothing holds.
+
+    Three of seven contacts remain, and would for all 60,000 steps.
+    """
+    radius = 1e-3
+    distance = 2 * radius - 1e-8
+    row = [[distance * (place + 0.5), radius, 4e-3] for place in range(3)]
+    pairs = []
+    for y in (4e-3, 7e-3, 10e-3, 13e-3):
+        pairs += [[3e-3, y, 4e-3], [3e-3, y, 4e-3 + distance]]
+    side = np.array([3 * distance, 15e-3])
+    sample = Sample(np.array(row + pairs), side, np.array([0.0, 1e-2]), 0.3, radius=radius)
+    contacts = []
+    with refusal("comes_apart"):
+        relax(sample, watch=lambda state: contacts.append(state.contacts))
+    assert contacts[0] == 7
+
+
 @pytest.fixture(scope="module")
 def rested():
     """Return 200 spheres at rest, every contact with shear from a shake by 2 % of an overlap.

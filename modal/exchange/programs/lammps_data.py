@@ -21,7 +21,7 @@ from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres
 from modal.exchange.spheres_to_contacts import import_spheres
 from modal.tools.arrays import Bools
 
-NAME = "a data file of LAMMPS"
+NAME = "LAMMPS (data file)"
 OPTIONS = SPHERE_OPTIONS
 COLUMNS = ("id", "type", "diameter", "density", "x", "y", "z", "ix", "iy", "iz")
 """Columns of the section Atoms of atom_style sphere; image flags may be absent."""
