@@ -51,7 +51,7 @@ EXTRA = ROOT / "docs/_extra"
 EXTRA.mkdir(exist_ok=True)  # before Sphinx looks for it; the pages to watch go there
 SCRIPTS = {path.stem for path in (ROOT / "examples").glob("*.py")}
 for page in (ROOT / "docs/examples").glob("*.rst"):  # of scripts that have gone since
-    if page.stem not in SCRIPTS | {"index", "sg_execution_times"}:
+    if page.stem not in SCRIPTS | {"index"}:
         page.unlink()
 html_extra_path = [EXTRA.name]
 myst_enable_extensions = ["dollarmath"]
@@ -68,7 +68,9 @@ sphinx_gallery_conf = {
     "ignore_pattern": r"(^|/)_\w+\.py",  # what they share
     "within_subsection_order": "FileNameSortKey",
     "show_memory": False,
+    "write_computation_times": False,  # its page would load scripts from the network
     "min_reported_time": 1e9,
+    "default_thumb_file": str(ROOT / "docs/_static/table.png"),  # of those without a picture
     "remove_config_comments": True,
     "abort_on_example_error": True,
 }

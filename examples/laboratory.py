@@ -41,6 +41,7 @@ rows = [
     for row in test.rows
 ]
 table = pd.DataFrame(rows)
+pd.set_option("display.max_colwidth", None)  # all caveats
 table.round(3)
 
 # %%
