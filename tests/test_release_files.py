@@ -75,6 +75,13 @@ def test_paper_has_the_sections_and_the_length_that_its_journal_asks_for():
     assert 750 <= len(text.split()) <= 1750
 
 
+def test_documents_name_the_versions_of_python_that_the_classifiers_name():
+    classified = set(re.findall(r"Python :: (3\.\d+)", " ".join(PROJECT["classifiers"])))
+    _, _, where_it_runs = read("docs/limits.md").partition("\n## Where it runs\n")
+    for text in (where_it_runs.partition(". ")[0], read("CHANGELOG.md").rpartition("Linux")[2]):
+        assert set(re.findall(r"\b3\.\d+\b", text)) == classified
+
+
 def test_workflows_call_programs_that_exist():
     text = "".join(path.read_text() for path in (ROOT / ".github/workflows").iterdir())
     programs = re.findall(r"(?:^|\s|bash )(\.ci/\w+|\./\w+\.sh)", text)
