@@ -28,6 +28,10 @@ ORTHOGONALISATION_OPERATIONS = 4
 VECTORS_PER_MODE = 4
 MORE_VECTORS = 100
 """Vectors of a search by solves for each mode, and besides."""
+KEPT_SHARE = 0.8
+"""Share of the memory of multigrid's set-up that is still in use during the search."""
+DAVIDSON_COPIES = 5
+"""Blocks of new vectors that exist besides the basis at the peak."""
 CYCLES_PER_MODE = 45
 MORE_CYCLES = 150
 """Cycles of multigrid for each mode that Davidson's method finds, and besides for a second
@@ -93,10 +97,12 @@ def by_multigrid(system: LinearSystem, count: int) -> Cost:
     solver = named("multigrid").cost(shape, True)
     cycles = CYCLES_PER_MODE * count + MORE_CYCLES
     basis = count + GUARDS + (BLOCKS + 1) * WIDTH
+    vectors = basis + DAVIDSON_COPIES * WIDTH
     product = BLOCK_PRODUCT_OPERATIONS * shape.nonzeros
     orthogonal = DAVIDSON_OPERATIONS * system.size * basis
     each = solver.approximation + 2 * product + orthogonal
-    return Cost(solver.bytes + 8.0 * system.size * basis, solver.operations + cycles * each)
+    kept = KEPT_SHARE * solver.bytes + 8.0 * system.size * vectors
+    return Cost(max(solver.bytes, kept), solver.operations + cycles * each)
 
 
 def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:

@@ -19,11 +19,11 @@ from scipy.linalg import eigh
 
 from modal.solvers.lanczos import (
     MIN_NUMBERS_FOR_THREADS,
+    SEED,
     Held,
     Nearest,
     combine,
     orthonormal,
-    start_block,
 )
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.blas import blas_threads
@@ -159,18 +159,15 @@ def _iterate(operators: Operators, count: int, held: Held, tolerance: float) -> 
     """Find modes as `lowest_modes` does."""
     kept = min(count + GUARDS, held.free)
     basis = Basis(operators, held, min(kept + (BLOCKS + 1) * WIDTH, held.free))
-    start = start_block(len(held.found), kept, held.found.shape[1])
-    block = operators.precondition(start)
+    ritz = _start(basis, kept)
     cycles = kept
     progress = Progress(kept, operators.sigma, tolerance)
-    wanted = np.arange(count)
     previous = np.empty((0, 0))
-    ritz = basis.extend(block)
     for _ in range(MAX_STEPS_PER_BLOCK * (1 + count // WIDTH)):
         progress.forget_changed(ritz.square)
         if progress.converged[:count].all():
             # Pairs that converged first may have been improved, or displaced, since.
-            progress.note(wanted, ritz.square, basis.residual(ritz, wanted))
+            _note_all(progress, basis, ritz, count)
         if progress.converged[:count].all() or basis.dimension == held.free:
             break
         targets = progress.targets(count)
@@ -188,10 +185,30 @@ def _iterate(operators: Operators, count: int, held: Held, tolerance: float) -> 
             # The Ritz vectors of this step are now the first vectors of the basis.
             previous = np.eye(kept)[:, targets]
         ritz = basis.extend(block)
-    progress.note(wanted, ritz.square, basis.residual(ritz, wanted))
+    _note_all(progress, basis, ritz, count)
     square = ritz.square[:count].copy()
     vector = basis.take(ritz.vector[:, :count])
     return Nearest(square, vector, progress.converged[:count].copy(), cycles)
+
+
+def _start(basis: Basis, kept: int) -> Ritz:
+    """Fill an empty basis with `kept` random vectors, each after an approximate inverse.
+
+    Vectors of each search, and of each block, are different.
+    """
+    size, n_found = basis.held.found.shape
+    for first in range(0, kept, WIDTH):
+        random = np.random.default_rng([SEED, n_found, first])
+        block = random.standard_normal((size, min(WIDTH, kept - first)))
+        ritz = basis.extend(basis.operators.precondition(block))
+    return ritz
+
+
+def _note_all(progress: Progress, basis: Basis, ritz: Ritz, count: int) -> None:
+    """Compute the residuals of all `count` wanted pairs, a block at a time, and store them."""
+    for first in range(0, count, WIDTH):
+        places = np.arange(first, min(first + WIDTH, count))
+        progress.note(places, ritz.square, basis.residual(ritz, places))
 
 
 class Progress:
