@@ -8,18 +8,19 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export MPLBACKEND=agg
-for name in isostaticity soft_modes plane_waves width; do
-    .venv/bin/python "examples/$name.py" "results/$name" > /dev/null
-done
-.venv/bin/python examples/transducers.py results/transducers > /dev/null
-.venv/bin/python examples/stress_dependence.py results/transducers > /dev/null
-.venv/bin/python examples/isostaticity_doubts.py results/isostaticity/doubts > /dev/null
+# The study first: the others read its tables.
 made=$(mktemp -d)
 trap 'rm -rf "$made"' EXIT
 .venv/bin/python -m analysis study studies/otsubo2017/study.yaml --results results/study/cases -o "$made"
 for file in $(git ls-files results/study | grep -v /cases/); do
     [ ! -e "$made/${file#results/study/}" ] || cp "$made/${file#results/study/}" "$file"
 done
+for name in isostaticity soft_modes plane_waves width; do
+    .venv/bin/python "examples/$name.py" "results/$name" > /dev/null
+done
+.venv/bin/python examples/transducers.py results/transducers > /dev/null
+.venv/bin/python examples/stress_dependence.py results/transducers > /dev/null
+.venv/bin/python examples/isostaticity_doubts.py results/isostaticity/doubts > /dev/null
 if [ "${1:-}" = samples ]; then
     .venv/bin/python examples/paper_rules.py results/independent > /dev/null
     .venv/bin/python -m analysis measure results/samples/case0[5-8].sample.h5 \
