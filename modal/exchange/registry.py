@@ -166,8 +166,8 @@ def import_packing(path: str | Path, **options: object) -> ImportResult:
             refuse(
                 path,
                 "unknown_option",
-                f"a file of {program.NAME}, which does not go with {name}",
-                remedy=f"leave it out (options: {known})",
+                f"no option {name} for files of {program.NAME}",
+                remedy=f"leave it out; options here: {known}",
             )
     result: ImportResult = program.read(path, **typed)
     if gravity is not None:
