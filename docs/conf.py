@@ -96,8 +96,17 @@ def formula(display):
     return visit
 
 
+def say_levels(app, pagename, templatename, context, doctree):
+    """Give the captions of contents, which are headings to who hears the page, a level."""
+    for part in ("body", "furo_navigation_tree"):
+        if part in context:
+            leveled = 'role="heading" aria-level="2"'
+            context[part] = context[part].replace('role="heading"', leveled)
+
+
 def setup(app):
     """Docstrings, equations, and the pages to watch."""
     app.connect("builder-inited", lambda app: make_pages(EXTRA, quick=app.tags.has("quick")))
+    app.connect("html-page-context", say_levels, priority=900)  # after the theme
     app.connect("autodoc-process-docstring", as_literal, priority=400)  # before napoleon's
     app.add_html_math_renderer("mathml", (formula("inline"), None), (formula("block"), None))
