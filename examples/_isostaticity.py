@@ -14,28 +14,22 @@ KEYS = {LOW_PASS: "low_pass", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
 NAMES = list(KEYS)
 KEYS[OVER_50] = "low_pass_unbiased"
 
-# **The packings.** Those of the study, one of each friction and stress; `seeds`: 76 packings of
-# 6,000 spheres, 9 D wide, made and measured by `studies/isostaticity.yaml`; `dilated`: packings in
-# which z does not follow the void ratio, of `studies/dilated.yaml`. A path is one loading path.
+# **The packings.** Those of the study, of each friction and stress, each in three to five samples,
+# which were measured one by one (`isostaticity/samples`); `seeds`: 76 packings of 6,000 spheres,
+# 9 D wide, made and measured by `studies/isostaticity.yaml`; `dilated`: packings in which z does
+# not follow the void ratio, of `studies/dilated.yaml`. A path is one loading path. Wavelengths and
+# V_P are of one sample of each case.
 
 rows = pd.read_csv(RESULTS / "study/table1.csv").query("packing == 'random'").set_index("name")
-named = {"case": "case", "packings": "packings", "mu_comp": "friction", "stress_pa": "stress_pa"}
-named |= {"coordination_number_bearing": "z", "void_ratio": "void_ratio", "f_max_khz": "f_max_khz"}
+named = {"case": "case", "mu_comp": "friction", "stress_pa": "stress_pa"}
 named |= {"lambda_2_linear_over_d": "wavelength_over_d"}
 named |= {"lambda_2_linear_over_d_error": "wavelength_error"}
 study = rows[list(named)].rename(columns=named)
-for name, key in zip(NAMES, ("f_low_pass_2_linear", "excess_peak", "ioffe_regel"), strict=True):
-    study[name] = rows[f"{key}_khz"] / study["f_max_khz"]
-    study[f"{name}, error"] = rows[f"{key}_khz_error"] / study["f_max_khz"]
-
-# Samples of these cases were measured one by one (`isostaticity/samples`, seed 1 a committed one).
-# A number of the study that is of another sample alone counts beside them, but its Ioffe-Regel
-# limits, whose estimator was another one; a mean of several samples stays what it is. Errors are
-# those of means: the scatter of samples, or the error of each where that says more.
+STATE = ("z", "void_ratio", "f_max_khz")
 
 
 def sample(stem, numbers, values):
-    """Return a row of a sample, with the columns of the study."""
+    """Return a row of a sample: its state, and its frequencies divided by its highest one."""
     case, seed = stem.split("_seed")
     row = {"name": case, "seed": int(seed), "f_max_khz": numbers["highest_frequency"] / 1e3}
     row |= {"z": numbers["coordination_of_bearing"], "void_ratio": numbers["void_ratio"]}
@@ -45,21 +39,18 @@ def sample(stem, numbers, values):
     return row
 
 
+# Points are means over the samples. Errors are those of means: the scatter of samples, or the error
+# of each where that says more.
 samples = pd.DataFrame([sample(*each) for each in results("isostaticity/samples/*.json")])
-without_samples = (
-    study.drop(samples.loc[samples["seed"] == 1, "name"]).rename_axis("name").reset_index()
-)
-single = study.index[study["packings"] == 1]
-for name in (*NAMES, "z", "void_ratio", "f_max_khz"):
-    chosen_cases = study.index if name in (PEAK, IOFFE_REGEL) else single
-    groups = pd.concat([without_samples] * (name != IOFFE_REGEL) + [samples]).groupby("name")
-    study.loc[chosen_cases, name] = groups[name].mean().reindex(chosen_cases)
-    if name in NAMES:
-        errors = {
-            case: mean_with_error(group[name], group[f"{name}, error"])[1] for case, group in groups
-        }
-        study.loc[chosen_cases, f"{name}, error"] = pd.Series(errors).reindex(chosen_cases)
-study.loc[single, "packings"] += samples.groupby("name")["z"].count().reindex(single).fillna(0)
+groups = samples.groupby("name")
+study.insert(1, "packings", groups["z"].count())
+for column in STATE:
+    study[column] = groups[column].mean()
+for name in NAMES:
+    study[name] = groups[name].mean()
+    study[f"{name}, error"] = pd.Series(
+        {case: mean_with_error(some[name], some[f"{name}, error"])[1] for case, some in groups}
+    )
 headline = study.rename(columns={name: f"{name} / f_max" for name in NAMES})
 study = study.assign(path=study["friction"], v_p=rows["v_p_long_waves_linear_m_per_s"])
 

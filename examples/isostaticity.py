@@ -7,8 +7,8 @@ packing, against z - 4: z is the mean number of contacts of a force-bearing sphe
 friction a packing of spheres is isostatic at z = 4.
 
 `python examples/isostaticity.py FOLDER` writes the figures (PNG, PDF), their points and the fits
-(CSV) into a folder. All numbers are those of `results/study/table1.csv` and of further samples of
-its packings in `results/isostaticity/samples`.
+(CSV) into a folder. Points are means over the samples of `results/isostaticity/samples`;
+wavelengths are of one sample, from `results/study/table1.csv`.
 """
 
 import sys

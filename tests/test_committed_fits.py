@@ -31,26 +31,20 @@ def read_values(path):
     return {name: quantity["value"] for name, quantity in quantities.items()}
 
 
-def samples_of(row):
-    """Return z and the low-pass frequency of a row of the table and of more samples of its case.
-
-    The table's row is one sample, unless it is itself a mean of several.
-    """
-    in_table = row["f_low_pass_2_linear_khz"] / row["f_max_khz"]
-    samples = [(row["coordination_number_bearing"], in_table)]
-    if row["packings"] == 1:
-        for path in ISOSTATICITY.glob(f"samples/{row['name']}_*.json"):
-            values = read_values(path)
-            frequency = values["low_pass"] / values["highest_frequency"]
-            samples.append((values["coordination_of_bearing"], frequency))
+def samples_of(case):
+    """Return z and the low-pass frequency over the highest one of each sample of a case."""
+    samples = []
+    for path in ISOSTATICITY.glob(f"samples/case{case:02}_seed*.json"):
+        values = read_values(path)
+        frequency = values["low_pass"] / values["highest_frequency"]
+        samples.append((values["coordination_of_bearing"], frequency))
     return samples
 
 
 def test_points_are_means_of_the_samples():
     """Compare z and the low-pass frequency; 1e-4: the points have five digits."""
-    table = pd.read_csv(RESULTS / "study/table1.csv").query("packing == 'random'")
-    for point, (_, row) in zip(points(LOW_PASS).T, table.iterrows(), strict=True):
-        assert point == pytest.approx(np.mean(samples_of(row), axis=0), rel=1e-4)
+    for case, point in zip(POINTS["case"], points(LOW_PASS).T, strict=True):
+        assert point == pytest.approx(np.mean(samples_of(case), axis=0), rel=1e-4)
 
 
 def assert_same_line(fit, z, y):
