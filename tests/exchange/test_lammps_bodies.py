@@ -34,7 +34,7 @@ def test_rigid_bodies_are_those_of_lammps(tmp_path):
 
     Mass, centre and tensor (moments and axes) as `fix rigid/small` has them; the stiffness from
     differences of LAMMPS' forces and torques after the members were moved one by one. What carried
-    forces do is taken off these, as the test above has it for spheres.
+    forces do is taken off these, as `test_lammps_stiffness` has it for spheres.
     """
     packing = packings.polydisperse(True, n=60)
     write_data(packing, tmp_path / "start.data")
