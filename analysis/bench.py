@@ -19,11 +19,12 @@ from analysis.transducer_pair import TransducerPair, has_free_sides, widths
 from analysis.value import Value
 from modal.elasticity.slab import strained_velocities
 from modal.elasticity.static_response import elastic_moduli
+from modal.formats.tables import html_table
 from modal.packing.ends import has_two_ends
 from modal.packing.network import Network
 from modal.packing.rattlers import firmly_held
 from modal.tools.arguments import checked, frequencies
-from modal.tools.display import plain
+from modal.tools.display import plain, quantity
 from modal.tools.errors import InputError, UnavailableError
 from modal.waves.bursts import SineBurst
 from modal.waves.defaults import PULSE_AMPLITUDE_IN_D, mean_diameter, p_velocity
@@ -109,6 +110,18 @@ class TransducerTest:
             f"<TransducerTest: {len(self.pairs)} frequencies over {self.distance:.4g} m, "
             f"V_P {self.v_p:.4g}, V_S {self.v_s:.4g} m/s by the moduli>"
         )
+
+    def _repr_html_(self) -> str:
+        """Return a velocity for each frequency and rule as a table, for a notebook."""
+        header = ["rule", "frequency", "velocity", "distance / wavelength", "caveats"]
+        rows = []
+        for row in self.rows:
+            caveats = "; ".join(map(str, row.velocity.caveats))
+            numbers = [quantity(row.frequency, "Hz"), row.velocity.text(), f"{row.near_field:.2g}"]
+            rows.append([row.rule, *numbers, caveats])
+        for name, velocity in (("V_P", self.v_p), ("V_S", self.v_s)):
+            rows.append([f"{name} by the moduli", "", quantity(velocity, "m/s"), "", ""])
+        return html_table(header, rows)
 
     def as_json(self) -> dict[str, Any]:
         """Return the test for JSON."""

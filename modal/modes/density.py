@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from modal.formats.column import Column
 from modal.formats.product import Product
 from modal.formats.provenance import Provenance
+from modal.formats.tables import html_table
 from modal.modes.collective import every_floppy
 from modal.modes.counts import count_below
 from modal.modes.moments import block_width, exact_moments, moments_of, multiplied_vectors
@@ -122,6 +123,17 @@ class DensityOfStates(Drawn):
             f"<DensityOfStates: up to {quantity(self.highest, 'Hz')}, resolution "
             f"{quantity(self.resolution, 'Hz')}, {vectors}>"
         )
+
+    def _repr_html_(self) -> str:
+        """Return range, resolution and numbers of modes and vectors as a table, for a notebook."""
+        every = self.count_below(self.highest)[0][6]
+        rows = [
+            ["highest frequency", quantity(self.highest, "Hz")],
+            ["resolution", quantity(self.resolution, "Hz")],
+            ["modes", f"{every:.0f}, {self.zero_modes.sum():.0f} of them zero modes"],
+            ["random vectors", str(self.random_vectors or "none: traces are exact")],
+        ]
+        return html_table(["density of states", ".plot() draws it"], rows)
 
     def draw(self, ax: Any) -> None:
         """Draw the modes per kHz against frequency: all, translations and rotations."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from modal.formats.hdf5 import named
 from modal.formats.product import Product
+from modal.formats.tables import html_table
 from modal.packing.checks import check_network, convert_columns
 from modal.packing.columns import (
     COLUMNS,
@@ -27,6 +28,7 @@ from modal.packing.columns import (
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Ints
+from modal.tools.display import quantity
 from modal.tools.errors import InputError, UnavailableError
 
 FORMAT = Product(SCHEMA, COLUMNS, groups=("study", "provenance"), versions=VERSION)
@@ -100,6 +102,17 @@ class Network(Columns):
 
     def __repr__(self) -> str:
         return f"<Network: {self.n_particles} particles, {self.n_contacts} contacts>"
+
+    def _repr_html_(self) -> str:
+        """Return numbers of bodies and contacts and the cell as a table, for a notebook."""
+        rows = [
+            ["particles", str(self.n_particles)],
+            ["contacts", f"{self.n_contacts}, {int(self.with_wall.sum())} of them with the walls"],
+            ["coordination number", f"{self.coordination_number:.3f}"],
+            ["cell", " x ".join(quantity(side, "m") for side in self.cell_size)],
+            ["periodic along", ", ".join(np.array(["x", "y", "z"])[self.cell_periodic]) or "none"],
+        ]
+        return html_table(["packing", "modal.describe says more"], rows)
 
     @property
     def coordination_number(self) -> float:

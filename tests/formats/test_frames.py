@@ -76,11 +76,22 @@ def test_notebooks_show_a_description_as_a_table(crystal):
     assert f"{crystal.n_particles}, diameters" in html
 
 
-def test_notebooks_show_tables(results):
-    for name in ("modes", "moduli", "measurement"):
-        html = results[name]._repr_html_()
+def test_notebooks_show_tables(results, crystal):
+    long = modal.fcc(cells=(2, 2, 40))
+    shown = {
+        **{name: results[name] for name in ("modes", "moduli", "measurement")},
+        "packing": crystal,
+        "density of states": modal.density_of_states(crystal, resolution=2e4),
+        "transducers": analysis.transducers(long, frequencies_hz=[1e4], radius=1.0),
+    }
+    for result in shown.values():
+        html = result._repr_html_()
         assert html.startswith("<table>")
         assert html.count("<tr>") == html.count("</tr>") > 2
+    modes = 6 * crystal.n_particles
+    assert f"<td>{modes}, " in shown["density of states"]._repr_html_()
+    row = shown["transducers"].rows[0]
+    assert f"<td>{row.rule}</td><td>10 kHz</td>" in shown["transducers"]._repr_html_()
     value = results["measurement"]["void_ratio"]
     assert value.text() in value._repr_html_()
     moduli = results["moduli"]
