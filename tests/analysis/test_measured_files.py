@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from packings import slender
+from places import ROOT
 
 import analysis
 import modal
@@ -17,7 +18,7 @@ from modal.packing.network import write_network
 
 def test_cell_without_walls_has_velocities_by_its_moduli(printed):
     """Measure by moduli; some quick quantities that are named need walls: status 3."""
-    packing = "examples/packings/triaxial.network.h5"
+    packing = ROOT / "examples/packings/triaxial.network.h5"
     values = printed("measure", packing, "--quick", main=main, status=3)
     assert values["v_p"]["value"] > 0
     assert "no_walls" in values["v_p"]["codes"]
