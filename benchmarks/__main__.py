@@ -4,8 +4,8 @@
 
 Each job prints its page and writes NAME.md, its tables as CSV and its figures to DIR; README.md
 there lists them. Without names all jobs run but `other_codes`, `questions`, whole commands on one
-core and on all, `importing`, and `large` and `cubes`, which need 16 GB: three minutes with --quick,
-25 without.
+core and on all, `importing`, `multigrid_steps`, and `large` and `cubes`, which need 16 GB: three
+minutes with --quick, 25 without.
 The name `defaults` measures nothing: it prints what the rows in DIR say of the programs' defaults.
 """
 
@@ -22,8 +22,8 @@ from benchmarks.harness.measure import Job
 from modal.tools.errors import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "contact_loop", "scaling")
-NAMED = (*JOBS, "other_codes", "questions", "importing", "large", "cubes")
-"""The last five run only when they are named."""
+NAMED = (*JOBS, "other_codes", "questions", "importing", "large", "cubes", "multigrid_steps")
+"""Those that are not in `JOBS` run only when they are named."""
 
 
 def write_index(folder: Path, quick: bool) -> None:
