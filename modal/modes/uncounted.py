@@ -35,7 +35,8 @@ class UncountedSearch(NamedTuple):
 
     missing: number of modes that did not converge. new: modes below the last one that only the
     second search found. expected, error: number of elastic modes up to the last one, estimated from
-    the density of states, and its standard error.
+    the density of states, and its standard error; its kernel counts modes near the last one in
+    part, more than were asked for if the list ends in a cluster.
     """
 
     search: Search
@@ -57,8 +58,9 @@ class UncountedSearch(NamedTuple):
     def evidence(self) -> str:
         """Return the sentence on completeness that follows the reason why no count was made."""
         return (
-            f"up to the last mode moments expect {self.expected:.1f} +- {self.error:.1f}, and a "
-            f"second search from other vectors found {self.new} that the first had missed"
+            f"up to the last mode moments expect {self.expected:.1f} +- {self.error:.1f}, in which "
+            f"modes within {RESOLUTION_SHARE:.0%} of it count in part, and a second search from "
+            f"other vectors found {self.new} that the first had missed"
         )
 
 
