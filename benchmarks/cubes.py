@@ -20,6 +20,7 @@ from modal.elasticity.static_response import elastic_moduli
 from modal.exchange.registry import read
 from modal.modes.density import density_of_states
 from modal.modes.eigenmodes import modes_of
+from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem, frequency_of
 
@@ -48,11 +49,13 @@ def lowest(network: Network, *, certify: bool) -> str:
 
 
 def lowest_by_scipy(network: Network) -> str:
-    """Find the lowest modes with scipy's eigsh about a shift, zero modes among them."""
+    """Find the lowest modes with scipy's eigsh about a shift, after all zero modes."""
     system = LinearSystem.of(network)
+    n_zero = by_structure(system).basis.shape[1]
     sigma = -SHIFT * system.diagonal.max()
-    square = eigsh(system.dynamical_matrix.tocsc(), k=COUNT, sigma=sigma, which="LM")[0]
-    return f"{len(square)} modes up to {frequency_of(np.sort(square))[-1]:.3f} Hz"
+    matrix = system.dynamical_matrix.tocsc()
+    square = eigsh(matrix, k=COUNT + n_zero, sigma=sigma, which="LM")[0]
+    return f"{len(square)} modes up to {frequency_of(np.sort(square))[-1]:.6f} Hz"
 
 
 def moduli(network: Network, solver: str) -> str:
