@@ -31,8 +31,8 @@ COUNT = 20
 SHIFT = 1e-7
 """Distance below zero of scipy's shift, divided by the largest diagonal entry of A."""
 MAX_SPHERES = {"scipy": 4_000, "factor": 50_000, "pardiso": 50_000}
-"""Spheres up to which a method is tried, by a word of its name: from there on scipy's factor takes
-hours, and PARDISO's, which grows as N^(4/3), more than 30 GB."""
+"""Spheres up to which a method is tried, by a word of its name. By extrapolation, scipy's factor
+takes hours from there on, and PARDISO's, which grows as N^(4/3), more than 30 GB."""
 
 
 def lowest(network: Network, *, certify: bool) -> str:
