@@ -20,7 +20,6 @@ from modal.packing.network import Network
 from modal.solvers.arnoldi import ArnoldiSettings, Shift, eigenpairs
 from modal.solvers.factor import factorise
 from modal.solvers.lanczos import SEED
-from modal.system.assembly import stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked, frequencies
@@ -134,7 +133,7 @@ def damped_modes(
         available_modes -= 2  # ARPACK's limit
     check_count(system, count, available_modes)
     A = system.assemble_dynamical_matrix()
-    C = system.sqrt_mass.around(stiffness_matrix(damping.dashpots(network)))  # M^-1/2 C M^-1/2, 1/s
+    C = LinearSystem(damping.dashpots(network)).assemble_dynamical_matrix()  # M^-1/2 C M^-1/2, 1/s
     shift = 2j * np.pi * near
     min_rate = max(MIN_RATE_SHARE * abs(shift), 10 * np.sqrt(system.resolution))
     if dense:

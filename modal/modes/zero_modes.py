@@ -26,7 +26,7 @@ from scipy.sparse.csgraph import (
 from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
 from modal.solvers.spectrum import dot, norm
-from modal.system.assembly import stiffness_matrix
+from modal.system.assembly import stiffness_blocks
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats, Ints
 
@@ -180,8 +180,8 @@ def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
     chosen[spheres] = True
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
     rows = _rows(spheres, system.dof)
-    K = stiffness_matrix(network.some(near), system.dof)[rows][:, rows]
-    return system.sqrt_mass.some(spheres, system.dof).around(K)
+    matrix = system.sqrt_mass.around(stiffness_blocks(network.some(near), system.dof))
+    return matrix.tocsr()[rows][:, rows]
 
 
 def _loose_parts(touching: sp.csr_matrix, loose: Bools) -> list[Ints]:

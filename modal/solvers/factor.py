@@ -128,22 +128,27 @@ class Problem:
     Attributes
     ----------
     matrix : sparse matrix (size, size), real or complex
+        For an iterative method, in blocks of bodies; this method uses it up, to save memory.
     order : ndarray of int (size,)
-        Order of the rows in which the matrix is a narrow band.
+        Order of the rows, or of the bodies, in which the matrix is a narrow band.
     definite, symmetric : bool
         Whether the matrix is positive definite, and whether it is symmetric.
     kept : bool
         Whether the factor is kept for solutions; otherwise it gives the inertia alone.
     soft : SoftMotions or None
         Soft motions of the packing, if they are known.
+    apply : callable or None
+        Function that returns the product of the matrix with b of shape (size, k), for an iterative
+        method.
     """
 
-    matrix: sp.csr_matrix
+    matrix: sp.csr_matrix | sp.bsr_matrix
     order: Ints
     definite: bool = False
     symmetric: bool = True
     kept: bool = True
     soft: SoftMotions | None = None
+    apply: Callable[[Floats], Floats] | None = None
 
 
 @dataclass(frozen=True)
@@ -166,13 +171,13 @@ class Shape:
     complex: bool = False
 
     @classmethod
-    def of(cls, matrix: sp.csr_matrix, reach: Ints | None = None) -> Shape:
-        """Measure the shape of a matrix; `reach` (size,) is the second result of `band`."""
-        size = matrix.shape[0]
+    def of(cls, matrix: sp.csr_matrix | sp.bsr_matrix, reach: Ints | None = None) -> Shape:
+        """Measure the shape of a matrix; `reach` is the second result of `band`."""
         if reach is None:
             _, reach = band(matrix)
-        distance = reach - np.arange(size, dtype=float)
-        layer = float(np.sqrt((distance**2).mean())) + 1
+        size = matrix.shape[0]
+        distance = reach - np.arange(len(reach), dtype=float)
+        layer = size / len(reach) * float(np.sqrt((distance**2).mean())) + 1
         return cls(size, matrix.nnz, layer, np.iscomplexobj(matrix))
 
 
@@ -325,7 +330,7 @@ def _fastest(shape: Shape, kept: bool, unsymmetric: bool) -> Factorisation:
 
 
 def factorise(
-    matrix: sp.csr_matrix,
+    matrix: sp.csr_matrix | sp.bsr_matrix,
     *,
     definite: bool = False,
     symmetric: bool = True,
@@ -333,6 +338,7 @@ def factorise(
     kept: bool = True,
     along: Floats | None = None,
     soft: SoftMotions | None = None,
+    apply: Callable[[Floats], Floats] | None = None,
     remedy: str = SMALLER,
 ) -> Factor:
     """Factorise a sparse matrix.
@@ -340,6 +346,7 @@ def factorise(
     Parameters
     ----------
     matrix : sparse matrix (size, size), real or complex
+        In blocks of bodies (BSR) for an iterative method, by rows (CSR) for a direct one.
     definite : bool
         Whether the caller knows that the matrix is positive definite.
     symmetric : bool
@@ -350,9 +357,11 @@ def factorise(
         Whether the factor is kept for solutions. Without, it gives the inertia alone, which may
         take less memory.
     along : ndarray (size,), optional
-        Places of the rows along the packing.
+        Places of the rows, or of the bodies, along the packing.
     soft : SoftMotions, optional
         Soft motions of the packing, without which an iterative method does not work.
+    apply : callable, optional
+        Function that multiplies by the matrix, likewise; the method uses the matrix itself up.
     remedy : str
         Remedy for the error message if memory does not suffice.
 
@@ -376,17 +385,21 @@ def factorise(
             "it solves below the lowest mode alone",
             "ask for the lowest modes, or take another",
         )
-    factor = factorisation.make(Problem(matrix, order, definite, symmetric, kept, soft))
+    factor = factorisation.make(Problem(matrix, order, definite, symmetric, kept, soft, apply))
     return replace(factor, solver=factorisation.name, bytes=needed_bytes)
 
 
-def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints]:
+def band(matrix: sp.csr_matrix | sp.bsr_matrix, along: Floats | None = None) -> tuple[Ints, Ints]:
     """Return an order of rows that makes a matrix a narrow band, and the `reach_of` its rows.
 
-    The order is that of reverse Cuthill-McKee or that of the places `along` (size,) the packing,
-    whichever gives the narrower band: in a wide packing the layers of the former start at a corner
-    and are oblique.
+    A matrix in blocks of bodies has one row for each body here. The order is that of reverse
+    Cuthill-McKee or that of the places `along` (size,) the packing, whichever gives the narrower
+    band: in a wide packing the layers of the former start at a corner and are oblique.
     """
+    if matrix.format == "bsr":
+        n = len(matrix.indptr) - 1
+        touches = np.ones(len(matrix.indices), np.int8)
+        matrix = sp.csr_matrix((touches, matrix.indices, matrix.indptr), (n, n))
     orders = [reverse_cuthill_mckee(matrix, symmetric_mode=True)]
     if along is not None:
         orders.append(np.lexsort((np.argsort(orders[0]), along)))

@@ -45,7 +45,17 @@ def stiffness_matrix(
     (`modal.system.contacts`) is "full" or "law". If a particle touches itself through a period, its
     diagonal block contains both sides of the contact; contacts of the same pair add up.
     """
-    return assembled(network, contact_tangent(network, terms_of(pre_stress)), dof)
+    return stiffness_blocks(network, dof, pre_stress).tocsr()
+
+
+def stiffness_blocks(
+    network: Network, dof: int = 6, pre_stress: PreStress = "none"
+) -> sp.bsr_matrix:
+    """Assemble K as `stiffness_matrix` does, in blocks (dof, dof) of particles.
+
+    Each particle has a block with itself, which may be zero.
+    """
+    return assembled(network, terms_of(pre_stress), dof)
 
 
 def block(tangent: Floats, row: int, column: int, size: int = 6) -> Floats:
@@ -65,40 +75,36 @@ def block(tangent: Floats, row: int, column: int, size: int = 6) -> Floats:
     return blocks
 
 
-def assembled(network: Network, tangent: Floats, size: int = 6) -> sp.csr_matrix:
-    """Assemble a sparse (size n, size n) matrix from the tangents (m, 9, 9) of the contacts.
+def assembled(network: Network, terms: tuple[str, ...], size: int = 6) -> sp.bsr_matrix:
+    """Assemble a matrix of blocks (size, size) from tangents of the contacts with some terms.
 
-    With a `size` of 3 only translations are assembled.
+    With a `size` of 3 only translations are assembled. Contacts are taken part by part, so that
+    their tangents take little memory.
     """
     n = network.n_particles
+    all_places = _places_of_blocks(network)
+    blocks = np.zeros((len(all_places), size, size))
+    for contacts in network.parts():
+        tangent = contact_tangent(contacts, terms)
+        bodies = (contacts.particle_i.astype(np.int64), contacts.particle_j.astype(np.int64))
+        for row, column in ((0, 0), (1, 1), (0, 1), (1, 0)):
+            with_wall = (bodies[row] < 0) | (bodies[column] < 0)
+            index = np.searchsorted(all_places, bodies[row] * n + bodies[column])
+            indices, gather = gathered(np.where(with_wall, -1, index))
+            sums = gather @ block(tangent, row, column, size).reshape(-1, size**2)
+            blocks[indices] += sums.reshape(-1, size, size)
+    start = np.searchsorted(all_places, np.arange(n + 1) * n)
+    return sp.bsr_matrix((blocks, all_places % n, start), (size * n, size * n))
+
+
+def _places_of_blocks(network: Network) -> Ints:
+    """Return the places n i + j of all blocks, ascending: of touching bodies i, j and of i, i."""
+    n = network.n_particles
     is_pair = network.particle_j >= 0
-    all_contacts = slice(None)
-    bodies = (network.particle_i, network.particle_j)
-    block_list = list[Floats]()
-    row_list = list[Ints]()
-    column_list = list[Ints]()
-    for row_end, column_end, contacts in (
-        (0, 0, all_contacts),
-        (1, 1, is_pair),
-        (0, 1, is_pair),
-        (1, 0, is_pair),
-    ):
-        block_list.append(block(tangent[contacts], row_end, column_end, size))
-        row_list.append(bodies[row_end][contacts])
-        column_list.append(bodies[column_end][contacts])
-    blocks = np.concatenate(block_list)
-    row = np.concatenate(row_list)
-    column = np.concatenate(column_list)
-    # Blocks are sorted and added up as a whole: entries would take 36 times as many indices.
-    order = np.lexsort((column, row))
-    row = row[order]
-    column = column[order]
-    first = np.flatnonzero(np.diff(row, prepend=-1) | np.diff(column, prepend=-1))
-    sums = blocks
-    if len(first):
-        sums = np.add.reduceat(blocks[order], first, axis=0)
-    start = np.searchsorted(row[first], np.arange(n + 1))
-    return sp.bsr_matrix((sums, column[first], start), (size * n, size * n)).tocsr()
+    i = network.particle_i[is_pair].astype(np.int64)
+    j = network.particle_j[is_pair].astype(np.int64)
+    own = np.arange(n) * (n + 1)
+    return np.unique(np.concatenate([own, i * n + j, j * n + i]))
 
 
 def diagonal_blocks(network: Network, pre_stress: PreStress = "none") -> Floats:

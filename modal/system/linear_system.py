@@ -18,7 +18,7 @@ from modal.packing.columns import Cached
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS, Factor, SoftMotions, factorise, named
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.system.assembly import diagonal_blocks, stiffness_matrix
+from modal.system.assembly import diagonal_blocks, stiffness_blocks
 from modal.system.contacts import SYMMETRIC, PreStress, Sliding, terms_of, with_sliding
 from modal.system.damping import ContactDamping
 from modal.system.imposed import Coupling, Imposed, put_on
@@ -260,7 +260,11 @@ class LinearSystem:
 
         The matrix is not kept, so that its memory is free while a factorisation is in use.
         """
-        return self.sqrt_mass.around(stiffness_matrix(self.network, self.dof, self.pre_stress))
+        return _by_rows(self._assemble_blocks())
+
+    def _assemble_blocks(self) -> sp.bsr_matrix:
+        """Assemble A in blocks of bodies."""
+        return self.sqrt_mass.around(stiffness_blocks(self.network, self.dof, self.pre_stress))
 
     @cached_property
     def dynamical_matrix(self) -> sp.csr_matrix:
@@ -365,11 +369,25 @@ class LinearSystem:
         The diagonal entries of held motions are positive instead, so that held motions do not
         change the number of negative eigenvalues.
         """
-        shift = np.full(self.size, -square)
+        return _by_rows(self._shifted_blocks(square))
+
+    def _shift(self, square: float) -> Floats:
+        """Return what `shifted` adds to the diagonal of A, 1/s^2, by bodies (n, dof)."""
+        shift = np.full((self.network.n_particles, self.dof), -square)
         if self.network.fixed is not None:
-            held = self.network.fixed[:, : self.dof].ravel()
+            held = self.network.fixed[:, : self.dof]
             shift[held] = self.diagonal.max(initial=0.0) or 1.0
-        return (self.assemble_dynamical_matrix() + sp.diags(shift, format="csr")).tocsr()
+        return shift
+
+    def _shifted_blocks(self, square: float) -> sp.bsr_matrix:
+        """Return the matrix of `shifted` in blocks of bodies."""
+        shift = self._shift(square)
+        matrix = self._assemble_blocks()
+        rows = np.repeat(np.arange(len(shift)), np.diff(matrix.indptr))
+        own_blocks = np.flatnonzero(matrix.indices == rows)
+        for k in range(self.dof):
+            matrix.data[own_blocks, k, k] += shift[:, k]
+        return matrix
 
     def factorised(
         self,
@@ -385,14 +403,24 @@ class LinearSystem:
         The order of the rows may follow the longest side of the packing.
         """
         position = self.network.position
-        longest_axis = np.argmax(np.ptp(position, axis=0))
+        along = position[:, np.argmax(np.ptp(position, axis=0))]
+        if solver is not None and not named(solver).direct:
+            shift = self._shift(square).reshape(-1, 1)
+            return factorise(
+                self._shifted_blocks(square),
+                definite=definite,
+                solver=solver,
+                kept=kept,
+                along=along,
+                soft=soft,
+                apply=lambda motion: self.operator.apply(motion) + shift * motion,
+            )
         return factorise(
             self.shifted(square),
             definite=definite,
             solver=solver,
             kept=kept,
-            along=np.repeat(position[:, longest_axis], self.dof),
-            soft=soft,
+            along=np.repeat(along, self.dof),
         )
 
     def factor(
@@ -422,6 +450,13 @@ class LinearSystem:
 
         key = (square, definite, name)
         return self.cached_recent("factors", key, make, lambda factor: factor.bytes)
+
+
+def _by_rows(blocks: sp.bsr_matrix) -> sp.csr_matrix:
+    """Return a matrix in blocks by rows, without zeros, which would fill a factor."""
+    matrix = blocks.tocsr()
+    matrix.eliminate_zeros()
+    return matrix
 
 
 def frequency_of(square: Floats) -> Floats:

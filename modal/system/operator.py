@@ -15,7 +15,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from modal.packing.network import Network
 from modal.solvers.chebyshev import WIDTHS
-from modal.system.assembly import stiffness_matrix
+from modal.system.assembly import stiffness_blocks
 from modal.system.contact_order import OrderedContacts
 from modal.system.contacts import SYMMETRIC, PreStress
 from modal.system.root_mass import RootMass
@@ -59,10 +59,10 @@ class ContactOperator(LinearOperator):
                 f"the matrix of {network.n_contacts} contacts",
                 "take fewer; all motions with pre-stress none or normal take no matrix by numba",
             )
-            matrix = stiffness_matrix(network, dof, pre_stress)
+            matrix = stiffness_blocks(network, dof, pre_stress)
             if mass_scaled:
                 matrix = RootMass.of(network, dof).around(matrix)
-            self._matrix = matrix
+            self._matrix = matrix.tocsr()
             return
         self._contacts = OrderedContacts.from_network(network, pre_stress)
         self._scale = np.ones((network.n_particles, 2))

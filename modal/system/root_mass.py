@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from modal.packing.network import Network
 from modal.system.assembly import mass_diagonal
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Floats
 
 MIN_FREE_INERTIA = 1e-12
 """Least principal moment of inertia of the turns that a body can make, divided by its inertia;
@@ -77,28 +77,25 @@ class RootMass:
             scaled.reshape(by_body)[:, 3:] = turning @ u.reshape(by_body)[:, 3:]
         return scaled
 
-    def some(self, bodies: Ints, dof: int = 6) -> RootMass:
-        """Return M^1/2 of the bodies with the given indices (k,)."""
-        diagonal = self.diagonal.reshape(-1, dof)[bodies].ravel()
-        if self.turning is None or self.unturning is None:
-            return RootMass(diagonal)
-        return RootMass(diagonal, self.turning[bodies], self.unturning[bodies])
-
     def around_blocks(self, blocks: Floats) -> Floats:
         """Return M^-1/2 K M^-1/2 for K's blocks (n, 6, 6) of each body with itself."""
         inverses = self._inverse_blocks()
         return inverses @ blocks @ inverses
 
-    def around(self, K: sp.csr_matrix) -> sp.csr_matrix:
-        """Return M^-1/2 K M^-1/2; K may be overwritten."""
-        if self.unturning is None:
-            scale = _divide(1.0, self.diagonal)
-            K.data *= scale[K.indices]
-            K.data *= np.repeat(scale, np.diff(K.indptr))
-            if not self.diagonal.all():
-                K.eliminate_zeros()  # entries of held motions would fill a factor
-            return K
-        return (self._inverse() @ K @ self._inverse()).tocsr()
+    def around(self, K: sp.bsr_matrix) -> sp.bsr_matrix:
+        """Return M^-1/2 K M^-1/2 for K in blocks of bodies, which is overwritten."""
+        n_bodies = len(K.indptr) - 1
+        row = np.repeat(np.arange(n_bodies), np.diff(K.indptr))
+        column = K.indices
+        scale = _divide(1.0, self.diagonal).reshape(n_bodies, -1)
+        if self.unturning is not None:
+            scale[:, 3:] = 1.0
+        K.data *= scale[row][:, :, None]
+        K.data *= scale[column][:, None, :]
+        if self.unturning is not None:
+            K.data[:, 3:, :] = self.unturning[row] @ K.data[:, 3:, :]
+            K.data[:, :, 3:] = K.data[:, :, 3:] @ self.unturning[column]
+        return K
 
     def under(self, rows: sp.csr_matrix) -> sp.csr_matrix:
         """Return `rows` (k, dof n), which act on u, times M^-1/2: they then act on M^1/2 u."""
