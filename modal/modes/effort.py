@@ -20,11 +20,15 @@ dense blocks are up to three times as fast, of sparse ones half as fast."""
 PRODUCT_OPERATIONS = 200
 """Multiplications that would take as long as the product A v, for each degree of freedom: the
 product is slow because it waits for memory."""
-BLOCK_PRODUCT_OPERATIONS = 1.2
+BLOCK_PRODUCT_OPERATIONS = 0.8
 """Multiplications that would take as long as the product of A with a block, for each nonzero of A
-and each vector of the block. Without numba the product takes four times as long."""
+and each vector of the block. Without numba the product takes some six times as long."""
 ORTHOGONALISATION_OPERATIONS = 4
 """Multiplications to make a vector orthogonal to a basis, for each number of the basis."""
+VECTORS_PER_LIFTED_MODE = 1.75
+MORE_LIFTED_VECTORS = 60
+"""Vectors of a search by a polynomial for each mode, and besides; of a second one as many as
+besides."""
 VECTORS_PER_MODE = 4
 MORE_VECTORS = 100
 """Vectors of a search by solves for each mode, and besides."""
@@ -36,7 +40,7 @@ CYCLES_PER_MODE = 45
 MORE_CYCLES = 150
 """Cycles of multigrid for each mode that Davidson's method finds, and besides for a second
 search."""
-DAVIDSON_OPERATIONS = 8
+DAVIDSON_OPERATIONS = 14
 """Multiplications of Davidson's method besides cycles and products, for each vector and each number
 of the basis."""
 DENSE_OPERATIONS = 5
@@ -105,14 +109,17 @@ def by_multigrid(system: LinearSystem, count: int) -> Cost:
     return Cost(max(solver.bytes, kept), solver.operations + cycles * each)
 
 
-def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:
+def below_an_edge(system: LinearSystem, count: int, degree: int, *, counted: bool) -> Cost:
     """Estimate the cost of the `count` lowest modes by `degree` products with A for each vector.
 
-    One exact count is made, which needs a factorisation.
+    One exact count is made, which needs a factorisation, unless the list is not `counted`.
     """
-    counting = factorisation(system, kept=False)
+    counting = factorisation(system, kept=False) if counted else Cost(0.0, 0.0)
     products = BLOCK_PRODUCT_OPERATIONS * shape_of(system).nonzeros * degree
-    search = _lanczos(system, count + count // 2 + 130, products)
+    vectors = int(VECTORS_PER_LIFTED_MODE * count) + MORE_LIFTED_VECTORS
+    if not counted:
+        vectors += MORE_LIFTED_VECTORS
+    search = _lanczos(system, vectors, products)
     operations = counting.operations + search.operations
     return Cost(max(search.bytes, counting.bytes), operations)
 

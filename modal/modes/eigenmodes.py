@@ -98,7 +98,7 @@ def eigenmodes(
         Whether to keep the mode shapes, if they take no more than 2 GB.
     certify : bool, default True
         Whether to count the modes exactly; False is possible with `lowest` and `highest`. If a
-        count does not fit into the memory, the lowest modes are returned without it, with an
+        count does not fit into time or memory, the lowest modes are returned without it, with an
         estimate of their number.
     hours : float, default 24
         Longest estimated time of the search, hours; a longer search is refused.
@@ -235,14 +235,12 @@ def _find_at_end(
     request.refuse_endless()
     if request.method == "top":
         return _find_highest(system, choice, certify)
+    if request.method in ("multigrid", "lifted") and not request.counted:
+        return _find_uncounted(request)
     if request.method == "multigrid":
-        counted = certify and request.count_fits
-        if counted or not system.semidefinite:
-            return _beside_zero_modes(
-                system, lambda floppy: _find_lowest(system, choice, floppy, "multigrid")
-            )
-        reason = DOES_NOT_FIT if certify else LEFT_OUT
-        return _find_uncounted(system, choice, reason)
+        return _beside_zero_modes(
+            system, lambda floppy: _find_lowest(system, choice, floppy, "multigrid")
+        )
     if request.method == "shift":
         return _beside_zero_modes(system, lambda floppy: _find_lowest(system, choice, floppy))
     high = request.upper_frequency
@@ -286,13 +284,20 @@ def _find_lowest(
     return _list_found(search, choice, missing)
 
 
-def _find_uncounted(system: LinearSystem, choice: Choice, reason: str) -> ModeSet:
-    """Find the lowest modes by multigrid; `reason` tells why they are not counted."""
-    sigma = -SHIFT_BELOW_ZERO * system.diagonal.max()
-    result = search_uncounted(system, choice.count, sigma)
+def _find_uncounted(request: ModeRequest) -> ModeSet:
+    """Find the lowest modes without an exact count."""
+    system = request.system
+    source: AboutShift | FromBelow
+    if request.method == "lifted":
+        source = FromBelow(request.low_end)
+    else:
+        sigma = -SHIFT_BELOW_ZERO * system.diagonal.max()
+        source = AboutShift(system, sigma, definite=True, by="multigrid")
+    result = search_uncounted(system, request.count, source)
     search = result.search
     missing = result.missing
-    modes = _list_found(search, choice, missing, f"{reason}; {result.evidence}")
+    reason = DOES_NOT_FIT if request.certify else LEFT_OUT
+    modes = _list_found(search, request.choice, missing, f"{reason}; {result.evidence}")
     modes.attributes |= result.attributes
     floppy = by_structure(system)
     return modes.with_zero_modes(floppy.total + search.at_zero.shape[1], 0)

@@ -46,6 +46,10 @@ by 1e-6."""
 MAX_SQUARE_IN_THRESHOLDS = 1e3
 """Largest omega^2, divided by the threshold of zero, that may be a zero mode with round-off. The
 Rayleigh quotient then decides, because its error is the square of that of the vector."""
+EDGE_STEP = 1.2
+"""Factor by which the edge of a polynomial, an omega^2, grows if wanted modes lie above it."""
+ROUGH_TOLERANCE = 1e-2
+"""Relative residual of a mode of which only the place is wanted."""
 SHIFT_GROWTH = 4
 """Factor by which the distance of a shift from the highest known mode grows until no mode lies
 above the shift."""
@@ -91,6 +95,10 @@ class AboutShift:
             return self.lowest(count, held)
         return modes_nearest(factor.solve, count, self.sigma, held)
 
+    def roughly_lowest(self, held: Held) -> float:
+        """Return about the omega^2, 1/s^2, of the lowest mode besides those already excluded."""
+        return float(self.lowest(1, held, ROUGH_TOLERANCE).square[0])
+
     def lowest(self, count: int, held: Held, tolerance: float = TOLERANCE) -> Nearest:
         """Find the `count` lowest modes with an approximate inverse, to a relative residual."""
         factor = self.factorised()
@@ -113,8 +121,19 @@ class FromBelow:
         self.solver = f"lanczos, {low_end.degree} products a vector"
 
     def near(self, count: int, held: Held) -> Nearest:
-        """Find the `count` lowest modes besides those already excluded."""
-        return modes_below(self.low_end, count, held)
+        """Find the `count` lowest modes besides those already excluded.
+
+        If not all lie below the edge, the next search has a higher one.
+        """
+        lowest = modes_below(self.low_end, count, held)
+        lowest.converged &= lowest.square < self.low_end.edge
+        if not lowest.converged.all():
+            self.low_end = self.low_end.raised(EDGE_STEP)
+        return lowest
+
+    def roughly_lowest(self, held: Held) -> float:
+        """Return about the omega^2, 1/s^2, of the lowest mode besides those already excluded."""
+        return float(modes_below(self.low_end, 1, held, ROUGH_TOLERANCE).square[0])
 
     def release(self) -> None:
         """Do nothing: there is no factor."""

@@ -1,9 +1,10 @@
 """Search for the lowest modes without an exact count, and estimate whether the list is complete.
 
-Davidson's method converges from the low end, so that a mode is missed only if the start block was
-nearly orthogonal to it. Two tests show missing modes. A second search, from other vectors and
-orthogonal to all modes of the first, finds what the first one missed. The density of states, from
-products with random vectors, gives an estimate of the number of modes up to the last one.
+Davidson's method, and Lanczos with a polynomial that lifts the low end, converge from there, so
+that a mode is missed only if the start block was nearly orthogonal to it. Two tests show missing
+modes. A second search, from other vectors and orthogonal to all modes of the first, finds what the
+first one missed. The density of states, from products with random vectors, gives an estimate of the
+number of modes up to the last one.
 """
 
 from typing import NamedTuple
@@ -11,18 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.modes.density import density_of
-from modal.modes.search import AboutShift, Search
+from modal.modes.search import AboutShift, FromBelow, Search
 from modal.modes.zero_modes import by_structure
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats
 
-SECOND_SEARCH_TOLERANCE = 1e-2
-"""Relative residual at which the second search has its lowest mode. If this lies above the list, no
-mode was missed."""
 NEAR_LAST = 1e-3
-"""Distance above the last omega^2, divided by it, within which the lowest mode of the second search
-may lie below: its omega^2 errs by the square of the residual divided by the relative distance of
-further modes."""
+"""Distance above the last omega^2, divided by it, within which the lowest mode of the second
+search, known roughly, may lie below: its omega^2 errs by the square of the residual divided by the
+relative distance of further modes."""
 SECOND_SEARCH_MODES = 4
 """Number of modes that the second search then finds to the full number of digits."""
 RESOLUTION_SHARE = 0.05
@@ -64,9 +62,10 @@ class UncountedSearch(NamedTuple):
         )
 
 
-def search_uncounted(system: LinearSystem, count: int, sigma: float) -> UncountedSearch:
-    """Search for the `count` lowest elastic modes by multigrid about `sigma`, 1/s^2, below zero."""
-    source = AboutShift(system, sigma, definite=True, by="multigrid")
+def search_uncounted(
+    system: LinearSystem, count: int, source: AboutShift | FromBelow
+) -> UncountedSearch:
+    """Search for the `count` lowest elastic modes from a source."""
     search = Search(system, source, by_structure(system).basis)
 
     def is_elastic(square: Floats) -> Bools:
@@ -76,9 +75,9 @@ def search_uncounted(system: LinearSystem, count: int, sigma: float) -> Uncounte
     elastic = np.sort(search.square[is_elastic(search.square)])
     last = float(elastic[: count - missing][-1])
     n_known = len(search.square)
-    rough = source.lowest(1, search.held(), SECOND_SEARCH_TOLERANCE)
+    next_square = source.roughly_lowest(search.held())
     n_new = 0
-    if rough.square[0] < last * (1 + NEAR_LAST) and search.run_round(SECOND_SEARCH_MODES):
+    if next_square < last * (1 + NEAR_LAST) and search.run_round(SECOND_SEARCH_MODES):
         new = search.square[n_known:]
         n_new = int((is_elastic(new) & (new < last)).sum())
     frequency = float(frequency_of(np.array(last)))

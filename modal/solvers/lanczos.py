@@ -41,10 +41,10 @@ BASIS_VECTORS_PER_LIFTED_MODE = 1.8
 Packings use 1.5; the rest is for spectra that are harder."""
 LIFTED_MODES_PER_COLUMN = 45
 """Wanted modes for each column of a block, where a polynomial enlarges the lowest modes; the width
-of the block is one of `WIDTHS` from the second on. A product of the whole basis with a block waits
+of the block is one of `WIDTHS`. A product of the whole basis with a block waits
 for memory: with 3,000 vectors it runs at 14, 23 and 33 GFlop/s for 12, 24 and 48 columns. Blocks
 that are wider in proportion take more vectors: 496 modes took 1.48 each with 12 columns, 1.74 with
-24."""
+24; 20 modes took 5.6 and 8.8 with 8 and 16."""
 EPS = float(np.finfo(float).eps)
 MAX_LOST_ORTHOGONALITY = 1e-10
 """Largest overlap of a new block with the blocks before, as estimated from the growth of round-off,
@@ -161,13 +161,14 @@ class Limits(NamedTuple):
 
     width: columns of a block. basis: number of vectors after which the iteration restarts. vectors:
     approximate number of vectors that are multiplied in all. checks: when the projected
-    eigenproblem is solved.
+    eigenproblem is solved. tolerance: residual of a converged mode, relative to its eigenvalue.
     """
 
     width: int
     basis: int
     vectors: int
     checks: CheckSchedule
+    tolerance: float = TOLERANCE
 
 
 def modes_nearest(
@@ -188,19 +189,21 @@ def modes_nearest(
     return _find_largest(spectrum, count, held, limits)
 
 
-def modes_below(low_end: LowEnd, count: int, held: Held) -> Nearest:
+def modes_below(low_end: LowEnd, count: int, held: Held, tolerance: float = TOLERANCE) -> Nearest:
     """Find the `count` lowest eigenpairs of A, all below the edge of `low_end`.
 
-    The search ends after 5 `count` vectors and 40 blocks, and also returns pairs that have not
-    converged. `products` of the result is the number of products with A.
+    `tolerance` is the residual relative to an eigenvalue of the polynomial. The search ends after 5
+    `count` vectors and 40 blocks, and also returns pairs that have not converged. `products` of the
+    result is the number of products with A.
     """
-    max_width = max(16, count // LIFTED_MODES_PER_COLUMN)
+    max_width = max(WIDTHS[0], count // LIFTED_MODES_PER_COLUMN)
     width = max(width for width in WIDTHS if width <= max_width)
     limits = Limits(
         width=min(width, max(1, held.free // 8)),
         basis=int(BASIS_VECTORS_PER_LIFTED_MODE * count) + EXTRA_BLOCKS * BLOCK,
         vectors=5 * count + 40 * BLOCK,
         checks=CHECKS_LIFTED,
+        tolerance=tolerance,
     )
     spectrum = Spectrum(low_end.apply, np.positive, low_end.square)
     modes = _find_largest(spectrum, count, held, limits, lifted=True)
@@ -294,7 +297,7 @@ def _iterate(spectrum: Spectrum, count: int, held: Held, limits: Limits, lifted:
             best = np.argsort(-spectrum.rank(value), kind="stable")
             chosen = best[:count]
             residual = np.linalg.norm(new.coupling @ vector[-width:, chosen], axis=0)
-            converged = residual <= TOLERANCE * abs(value[chosen])
+            converged = residual <= limits.tolerance * abs(value[chosen])
             if converged.all() or ended:
                 break
             if full:

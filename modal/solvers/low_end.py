@@ -8,7 +8,9 @@ instead of a solve with A - sigma. (Y. Saad, Math. Comp. 42, 567, 1984; H. Fang 
 Sci. Comput. 34, A2220, 2012.)
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -54,6 +56,10 @@ class LowEnd:
         """Return c and a of the polynomial's argument x = c - a omega^2; a in s^2."""
         width = self.top - self.edge
         return (self.top + self.edge) / width, 2 / width
+
+    def raised(self, factor: float) -> LowEnd:
+        """Return the polynomial whose edge is `factor` times as high."""
+        return replace(self, edge=factor * self.edge)
 
     def apply(self, block: Floats) -> Floats:
         """Return the polynomial T_d of A applied to a block (size, k)."""

@@ -162,7 +162,7 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     for search in (lanczos.modes_nearest, lanczos.modes_below, lanczos.modes_from_top):
         monkeypatch.setattr(f"modal.modes.search.{search.__name__}", short(search))
     lifted = Cost(0.0, 0.0 if path == "low end" else 1e19, 0.0)
-    monkeypatch.setattr("modal.modes.effort.below_an_edge", lambda *_: lifted)
+    monkeypatch.setattr("modal.modes.effort.below_an_edge", lambda *_, **__: lifted)
     if path == "slices":
         monkeypatch.setattr("modal.system.linear_system.Limits.slice", 5)
     options_of_path = {"lowest": ["--lowest", "12"], "highest": ["--highest", "12"]}
