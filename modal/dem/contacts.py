@@ -211,6 +211,7 @@ class MovingContacts:
             outer = (body[ends[:, 0]] != body[np.maximum(ends[:, 1], 0)]) | (ends[:, 1] < 0)
             ends = ends[outer]
             shift = shift[outer]
+        crossing = int((shift[:, 2] != 0).sum())
         # Periods between the actual positions, which are not brought back into the cell.
         i, j = ends.T
         outside = np.asarray(periods.any(axis=1))
@@ -221,7 +222,7 @@ class MovingContacts:
             self._transfer_history(ends, shift)
         self._ends = ends
         self._shift = shift
-        self._slabs = slabs_of(ends, len(self.position))
+        self._slabs = slabs_of(ends, len(self.position), crossing)
         self._listed_position = self.position.copy()
         self._listed_lengths = self.lengths
         self._listed_walls = self.walls.copy()

@@ -30,7 +30,8 @@ def contacts_in_reach(
 ) -> tuple[Ints, Ints]:
     """Return the ends (k, 2) and periods (k, 3) of contacts in reach, sorted by the first end.
 
-    The first end is the lower sphere, the second one a sphere or the code of a wall.
+    The first end is the lower sphere, the second one a sphere or the code of a wall. Contacts
+    across a period along z come last.
 
     Parameters
     ----------
@@ -72,7 +73,8 @@ def contacts_in_reach(
         at_walls = np.column_stack([np.concatenate([low, high]), code]).astype(ends.dtype)
         ends = np.concatenate([at_walls, ends])
         shift = np.concatenate([np.zeros((len(at_walls), 3), shift.dtype), shift])
-    order, _ = _sort_by_key(ends[:, 0], len(position))
+    crosses = shift[:, 2] != 0
+    order, _ = _sort_by_key(np.where(crosses, len(position), ends[:, 0]), len(position) + 1)
     return ends.take(order, axis=0), shift.take(order, axis=0)
 
 

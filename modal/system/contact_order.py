@@ -1,9 +1,9 @@
 """Put contacts into the order in which the loops of `modal.system.loops` go through them.
 
-Contacts are sorted along z by their lower sphere, independent of the numbers of the spheres. Both
-bodies of a contact are then usually still in the cache. Each core computes slabs of contacts
-(`modal.tools.loops`). A slab consists of pieces; each piece lists the spheres whose first contact
-is in it.
+Contacts are sorted along z by their lower sphere, independent of the numbers of the spheres, and
+those across a period along z come last. Both bodies of a contact are then usually still in the
+cache. Each core computes slabs of contacts (`modal.tools.loops`). A slab consists of pieces; each
+piece lists the spheres whose first contact is in it.
 """
 
 from __future__ import annotations
@@ -137,8 +137,9 @@ def _order_along_z(network: Network) -> tuple[Ints, Ints]:
     rank_j = np.where(network.with_wall, rank_i, rank[network.partner])
     lower = np.minimum(rank_i, rank_j)
     upper = np.maximum(rank_i, rank_j)
-    order = np.argsort(lower, kind="stable")
-    slabs = slabs_of(np.column_stack([lower, upper])[order], n)
+    crosses = upper - lower > n // 2
+    order = np.argsort(np.where(crosses, n, lower), kind="stable")
+    slabs = slabs_of(np.column_stack([lower, upper])[order], n, int(crosses.sum()))
     # A layer of a wide packing is larger than a cache: the packing is cut into columns.
     width = COLUMN_WIDTH_IN_DIAMETERS * 2 * network.radius.mean()
     place = network.position[:, :2] - network.position[:, :2].min(axis=0)

@@ -2,7 +2,8 @@
 
 Slabs that are not neighbours share no sphere. The ends of the slabs depend only on the packing, and
 even slabs are always computed before odd ones: sums are added in the same order by any number of
-threads.
+threads. Contacts across a period along z are the last slab, an odd one, between the even slabs at
+both ends.
 """
 
 import numpy as np
@@ -16,19 +17,22 @@ SLABS = 16
 """Largest number of slabs: more slabs share the work more evenly, fewer have longer runs."""
 
 
-def slabs_of(ends: Ints, n: int) -> Ints:
+def slabs_of(ends: Ints, n: int, crossing: int = 0) -> Ints:
     """Return the first contact of each slab, and the number of contacts at the end.
 
-    `ends` (m, 2) are sorted by the first. With `n` spheres numbered along z a slab shares spheres
-    only with the next slab: two even slabs share no sphere, nor do two odd ones. Packings that are
-    too small for threads have one slab.
+    With `n` spheres numbered along z a slab shares spheres only with the next slab: two even slabs
+    share no sphere, nor do two odd ones. The contacts `ends` (m, 2) are sorted by the first end,
+    the last `crossing` ones, across a period along z, apart from the others. Packings that are too
+    small for threads have one slab.
     """
+    one_slab = np.array([0, len(ends)])
     if n < ENOUGH:
-        return np.array([0, len(ends)])
-    starts = np.append(0, np.bincount(ends[:, 0], minlength=n).cumsum())
+        return one_slab
+    inside, across = np.split(ends, [len(ends) - crossing])
+    starts = np.append(0, np.bincount(inside[:, 0], minlength=n).cumsum())
     reach = np.arange(n)
     (rows,) = np.nonzero(np.diff(starts))
-    reach[rows] = np.maximum(rows, np.maximum.reduceat(ends[:, 1], starts[rows]))
+    reach[rows] = np.maximum(rows, np.maximum.reduceat(inside[:, 1], starts[rows]))
     reach = np.maximum.accumulate(reach)
     min_spheres = -(-n // SLABS)
     bounds = [0, min(min_spheres, n)]
@@ -36,4 +40,12 @@ def slabs_of(ends: Ints, n: int) -> Ints:
         # The reach of the slab before the last ends where the next one begins.
         end_of_reach = int(reach[bounds[-1] - 1]) + 1
         bounds.append(min(max(bounds[-1] + min_spheres, end_of_reach), n))
-    return starts[bounds]
+    if crossing == 0:
+        return starts[bounds]
+    if len(bounds) % 2 == 1:
+        # The last slab but one becomes even, so that the slab across the period is odd.
+        del bounds[-2]
+    highest_below = across.min(axis=1).max()
+    lowest_above = across.max(axis=1).min()
+    alone = len(bounds) > 3 and highest_below < bounds[1] and lowest_above > reach[bounds[-2] - 1]
+    return np.append(starts[bounds], len(ends)) if alone else one_slab

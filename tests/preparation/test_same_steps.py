@@ -57,8 +57,12 @@ def test_compiled_steps_are_those_of_numpy(mixture, monkeypatch):
     assert compiled.stress() == pytest.approx(arrays.stress(), rel=1e-9)
 
 
-def test_slabs_of_one_pass_share_no_sphere():
-    """Check every other slab, and that all contacts are in one slab."""
+@pytest.mark.parametrize("crossing", [0, 300])
+def test_slabs_of_one_pass_share_no_sphere(crossing):
+    """Check every other slab, and that all contacts are in one slab.
+
+    With a period along z the last contacts join both ends.
+    """
     random = np.random.default_rng(4)
     n_spheres = 5000
     n_contacts = 20000
@@ -66,15 +70,27 @@ def test_slabs_of_one_pass_share_no_sphere():
     second = np.minimum(first + random.integers(1, 200, n_contacts), n_spheres - 1)
     second[random.random(n_contacts) < 0.05] = -1
     ends = np.column_stack([first, second])
-    bounds = slabs.slabs_of(ends, n_spheres)
+    low = random.integers(0, 200, crossing)
+    across = np.column_stack([low, n_spheres - 1 - random.integers(0, 200, crossing)])
+    ends = np.concatenate([ends, across])
+    bounds = slabs.slabs_of(ends, n_spheres, crossing)
     assert bounds[0] == 0
-    assert bounds[-1] == n_contacts
+    assert bounds[-1] == len(ends)
     assert (np.diff(bounds) >= 0).all()
     spheres = [np.setdiff1d(slab, -1) for slab in np.split(ends, bounds[1:-1])]
     assert len(spheres) > 7
     for slabs_of_pass in (spheres[::2], spheres[1::2]):
         n_in_slabs = sum(len(slab) for slab in slabs_of_pass)
         assert np.unique(np.concatenate(slabs_of_pass)).size == n_in_slabs
+
+
+def test_slabs_that_a_period_joins_are_one_slab():
+    """Join spheres of the second and the last slab: no two slabs can be computed at once."""
+    n_spheres = 5000
+    first = np.arange(n_spheres - 1)
+    ends = np.concatenate([np.column_stack([first, first + 1]), [[600, n_spheres - 1]]])
+    assert slabs.slabs_of(ends, n_spheres, 1).tolist() == [0, n_spheres]
+    assert len(slabs.slabs_of(ends[:-1], n_spheres)) > 15
 
 
 def steps_in_yade(start, folder, settings):

@@ -114,12 +114,12 @@ def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     assert ContactOperator(network) @ x == pytest.approx(K @ x, abs=1e-12 * abs(K @ x).max())
 
 
-def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
+def in_slabs(ends: np.ndarray, n: int, crossing: int = 0) -> np.ndarray:
     """Return `slabs_of` as for a packing of many spheres."""
     enough = slabs_along_z.ENOUGH
     slabs_along_z.ENOUGH = 1
     try:
-        return slabs_along_z.slabs_of(ends, n)
+        return slabs_along_z.slabs_of(ends, n, crossing)
     finally:
         slabs_along_z.ENOUGH = enough
 
