@@ -14,7 +14,7 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 from modal.tools.progress import progress
 
-MAX_BLOCK_NUMBERS = 2**24
+MAX_BLOCK_NUMBERS = 2**26
 """Largest number of entries of a block of vectors that are multiplied together."""
 
 
