@@ -121,15 +121,19 @@ class FromBelow:
         self.solver = f"lanczos, {low_end.degree} products a vector"
 
     def near(self, count: int, held: Held) -> Nearest:
-        """Find the `count` lowest modes besides those already excluded.
+        """Find the `count` lowest modes besides those already excluded, those below the edge.
 
-        If not all lie below the edge, the next search has a higher one.
+        If not all of them are found there, the next search has a higher edge; if none is, the edge
+        is raised until one is.
         """
-        lowest = modes_below(self.low_end, count, held)
-        lowest.converged &= lowest.square < self.low_end.edge
-        if not lowest.converged.all():
+        while True:
+            lowest = modes_below(self.low_end, count, held)
+            lowest.converged &= lowest.square < self.low_end.edge
+            if lowest.converged.all() or self.low_end.highest:
+                return lowest
             self.low_end = self.low_end.raised(EDGE_STEP)
-        return lowest
+            if lowest.converged.any():
+                return lowest
 
     def roughly_lowest(self, held: Held) -> float:
         """Return about the omega^2, 1/s^2, of the lowest mode besides those already excluded."""

@@ -24,6 +24,8 @@ takes more products for each vector of the basis, and fewer vectors: 496 modes o
 took 1.65, 1.48 and 1.38 vectors each at 7.5, 10 and 12.5. Each vector that is saved also saves its
 orthogonalisation. Above 12.5, the round-off of the modes multiplied by most comes near
 `modal.solvers.lanczos.TOLERANCE` of the last modes."""
+MAX_EDGE_SHARE = 0.9
+"""Highest edge, divided by the top of the spectrum."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,13 @@ class LowEnd:
         return (self.top + self.edge) / width, 2 / width
 
     def raised(self, factor: float) -> LowEnd:
-        """Return the polynomial whose edge is `factor` times as high."""
-        return replace(self, edge=factor * self.edge)
+        """Return the polynomial whose edge is `factor` times as high, at most `MAX_EDGE_SHARE`."""
+        return replace(self, edge=min(factor * self.edge, MAX_EDGE_SHARE * self.top))
+
+    @property
+    def highest(self) -> bool:
+        """Tell whether the edge can be raised no further."""
+        return self.edge >= MAX_EDGE_SHARE * self.top
 
     def apply(self, block: Floats) -> Floats:
         """Return the polynomial T_d of A applied to a block (size, k)."""
