@@ -31,8 +31,9 @@ CYCLE_OPERATIONS = 3
 """Multiplications of a cycle, for each nonzero and column of a group of eight."""
 STEPS = 30
 """Number of steps of a solution."""
-BYTES_PER_NONZERO = 42
-"""Memory at the peak, while the hierarchy is made: 10 kB for each sphere of six contacts."""
+BYTES_PER_NONZERO = 50
+"""Memory at the peak, while the hierarchy is made: 12.7 GB with a million spheres of six
+contacts, with all else of the process."""
 
 
 def _cost(shape: Shape, _: bool) -> Cost:
