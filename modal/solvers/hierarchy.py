@@ -15,11 +15,23 @@ gradients near isostaticity, but not the time: with 24 motions instead of six, 2
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from modal.solvers import multigrid_loops as loops
+from modal.solvers.block_matrices import (
+    multiply_columns,
+    multiply_rows,
+    own_places,
+    scale_to_unit_blocks,
+    some_blocks,
+)
+from modal.solvers.block_products import COLUMNS, ROWS
+from modal.solvers.factor import band
+from modal.tools import slabs
 from modal.tools.arrays import Floats, Ints, Singles
 
 MAX_COARSEST_ROWS = 1000
@@ -31,76 +43,125 @@ CANDIDATE_SWEEPS = 4
 """Number of sweeps that adapt the rigid motions to bodies that are held loosely."""
 
 
+class InSlabs(NamedTuple):
+    """An order of n bodies in slabs, every other one of which can be computed at the same time.
+
+    order: the bodies, first those of even slabs, then those of odd ones. bounds: the first place of
+    each slab in this order, and n. halves: the number of the first slab of each kind, and that of
+    all slabs. Slabs of one kind do not touch.
+    """
+
+    order: Ints
+    bounds: Ints
+    halves: Ints
+
+
+def in_slabs(matrix: sp.bsr_matrix) -> InSlabs:
+    """Cut the bodies of a matrix into slabs; packings too small for threads have one."""
+    order, reach = band(matrix)
+    bounds = slabs.slab_bounds(reach)
+    if len(order) < slabs.ENOUGH:
+        bounds = bounds[[0, -1]]
+    parts = [order[first:last] for first, last in pairwise(bounds)]
+    even = parts[::2]
+    odd = parts[1::2]
+    sizes = [len(part) for part in even + odd]
+    return InSlabs(
+        np.concatenate(even + odd),
+        np.append(0, np.cumsum(sizes)),
+        np.array([0, len(even), len(parts)]),
+    )
+
+
 @dataclass(frozen=True)
 class Level:
-    """One level: a matrix in blocks of n bodies, and the prolongation from the next coarser level.
+    """One level: a matrix in blocks of n bodies whose own blocks, on the diagonal, are 1.
 
     Attributes
     ----------
+    slabs : InSlabs
+        The order of the bodies in all other attributes.
     pointers, columns, diagonal : ndarray of int (n + 1,), (m,), (n,)
         Rows of blocks as in scipy's BSR format, and the place of each block on the diagonal.
-    blocks, inverses : ndarray of float32 (m, 6, 6), (n, 6, 6)
-        All blocks, and the inverses of those on the diagonal.
-    prolongation : sparse matrix of float32 in blocks (6, 6)
+    blocks : ndarray of float32 (m, 6, 6)
     """
 
+    slabs: InSlabs
     pointers: Ints
     columns: Ints
     diagonal: Ints
     blocks: Singles
-    inverses: Singles
-    prolongation: sp.bsr_matrix
 
     @classmethod
-    def of(cls, matrix: sp.bsr_matrix, prolongation: sp.bsr_matrix) -> Level:
+    def of(cls, matrix: sp.bsr_matrix) -> Level:
         """Return the level of a matrix."""
-        matrix.sort_indices()
-        rows = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
-        (diagonal,) = np.nonzero(rows == matrix.indices)
-        inverses = np.linalg.inv(matrix.data[diagonal]).astype(np.float32)
-        blocks = matrix.data.astype(np.float32)
-        in_single = prolongation.astype(np.float32)
-        return cls(matrix.indptr, matrix.indices, diagonal, blocks, inverses, in_single)
+        parts = in_slabs(matrix)
+        matrix = some_blocks(matrix.astype(np.float32), parts.order, parts.order)
+        return cls(parts, matrix.indptr, matrix.indices, own_places(matrix), matrix.data)
+
+    @property
+    def _pattern(self) -> tuple[Ints, Ints, Ints, Singles]:
+        return self.pointers, self.columns, self.diagonal, self.blocks
 
     def smooth(self, load: Singles) -> tuple[Singles, Singles]:
-        """Return a first approximate solution for loads (groups, n, 6, 8), and its residual."""
-        pattern = (self.pointers, self.columns, self.diagonal, self.blocks)
-        solution = np.empty_like(load)
-        residual = np.empty_like(load)
-        loops.solve_lower(solution, load, *pattern, self.inverses)
-        loops.subtract_upper(solution, residual, *pattern)
+        """Return a first approximate solution for a load (n, 6, 8), and its residual."""
+        solution = load.copy()
+        residual = np.zeros_like(load)
+        _, bounds, halves = self.slabs
+        loops.solve_lower(solution, bounds, halves, *self._pattern)
+        loops.subtract_upper(residual, solution, *self._pattern)
         return solution, residual
 
     def smooth_back(self, solution: Singles, load: Singles) -> None:
-        """Improve a solution for loads (groups, n, 6, 8), in place; the transpose of `smooth`."""
-        pattern = (self.pointers, self.columns, self.diagonal, self.blocks)
-        loops.sweep_back(solution, load, *pattern, self.inverses)
+        """Improve a solution for a load (n, 6, 8), in place; the transpose of `smooth`."""
+        _, bounds, halves = self.slabs
+        loops.sweep_back(solution, load, bounds, halves, *self._pattern)
 
-    def restrict(self, residual: Singles) -> Singles:
-        """Return the loads (groups, n', 6, 8) of the next coarser level for a residual."""
-        P = self.prolongation
-        bodies = P.shape[1] // loops.ROWS
-        coarse = np.zeros((len(residual), bodies, loops.ROWS, loops.COLUMNS), np.float32)
-        loops.transfer(residual, coarse, P.indptr, P.indices, P.data, False)
-        return coarse
 
-    def correct(self, solution: Singles, coarse: Singles) -> None:
-        """Add the prolonged solution of the next coarser level to a solution, in place."""
-        P = self.prolongation
-        loops.transfer(solution, coarse, P.indptr, P.indices, P.data, True)
+class Transfer:
+    """The products with a matrix P of blocks (6, 6), and with its transpose, in single precision.
+
+    Parameters
+    ----------
+    matrix : sparse matrix (6 n, 6 m) in blocks (6, 6)
+
+    Attributes
+    ----------
+    bodies : tuple of int
+        The numbers n, m.
+    """
+
+    def __init__(self, matrix: sp.bsr_matrix) -> None:
+        matrix = matrix.astype(np.float32)
+        self.matrix = matrix
+        self.transposed = matrix.T.tobsr((ROWS, ROWS))
+        self.bodies = (matrix.shape[0] // ROWS, matrix.shape[1] // ROWS)
+
+    def add(self, result: Singles, vector: Singles) -> None:
+        """Add P times a vector (m, 6, 8) to a result (n, 6, 8), in place."""
+        P = self.matrix
+        loops.add_transfer(result, vector, P.indptr, P.indices, P.data)
+
+    def add_back(self, result: Singles, vector: Singles) -> None:
+        """Add P^T times a vector (n, 6, 8) to a result (m, 6, 8), in place."""
+        P = self.transposed
+        loops.add_transfer(result, vector, P.indptr, P.indices, P.data)
 
 
 class Hierarchy:
     """The levels of a symmetric positive definite matrix, as a preconditioner.
 
-    The entries of the matrix should be of order 1, as single precision asks for.
-
     Parameters
     ----------
     matrix : sparse matrix (6 n, 6 n) in blocks (6, 6)
-        Bodies that touch should have neighbouring rows.
+        Its own blocks, on the diagonal, are 1.
     smooth_motions : ndarray (6 n, 6)
         Motions that cost little energy and vary slowly: every aggregate can make them.
+
+    Attributes
+    ----------
+    order : ndarray of int (n,)
+        Order of the bodies in which `cycle` takes and returns vectors.
     """
 
     def __init__(self, matrix: sp.bsr_matrix, smooth_motions: Floats) -> None:
@@ -114,36 +175,51 @@ class Hierarchy:
             improve_candidates=None,
             presmoother=None,
             postsmoother=None,
-            max_coarse=MAX_COARSEST_ROWS // loops.ROWS,
+            max_coarse=MAX_COARSEST_ROWS // ROWS,
             keep=False,
         )
         self.levels = []
+        prolongations: list[sp.bsr_matrix] = []
         for level in solver.levels[:-1]:
-            self.levels.append(Level.of(level.A, level.P))
+            if prolongations:
+                scale = scale_to_unit_blocks(level.A)
+                multiply_columns(prolongations[-1], scale)
+                multiply_rows(level.P, np.linalg.inv(scale))
+            self.levels.append(Level.of(level.A))
+            prolongations.append(level.P)
             del level.A, level.P
         coarsest = solver.levels[-1].A.toarray()
         self.coarsest_inverse = np.linalg.inv(coarsest).astype(np.float32)
+        orders = [level.slabs.order for level in self.levels]
+        orders.append(np.arange(len(coarsest) // ROWS))
+        self.order = orders[0]
+        self.prolongations = []
+        for prolongation, (fine, coarse) in zip(prolongations, pairwise(orders), strict=True):
+            self.prolongations.append(Transfer(some_blocks(prolongation, fine, coarse)))
 
     def cycle(self, load: Singles, depth: int = 0) -> Singles:
-        """Return the approximate solution of a level for loads (groups, n, 6, 8)."""
+        """Return the approximate solution of a level for a load (n, 6, 8)."""
         if depth == len(self.levels):
-            by_row = load.reshape(len(load), len(self.coarsest_inverse), loops.COLUMNS)
+            by_row = load.reshape(-1, COLUMNS)
             return (self.coarsest_inverse @ by_row).reshape(load.shape)
         level = self.levels[depth]
+        prolongation = self.prolongations[depth]
         solution, residual = level.smooth(load)
-        level.correct(solution, self.cycle(level.restrict(residual), depth + 1))
+        coarse = np.zeros((prolongation.bodies[1], ROWS, COLUMNS), np.float32)
+        prolongation.add_back(coarse, residual)
+        prolongation.add(solution, self.cycle(coarse, depth + 1))
         level.smooth_back(solution, load)
         return solution
 
 
 def _adapted(matrix: sp.bsr_matrix, motions: Floats) -> Floats:
     """Return motions (6 n, 6) after sweeps that reduce their energy."""
-    nothing = sp.bsr_matrix(matrix.shape, blocksize=(loops.ROWS, loops.ROWS))
-    level = Level.of(matrix, nothing)
-    size, count = motions.shape
-    adapted = np.zeros((1, size // loops.ROWS, loops.ROWS, loops.COLUMNS), np.float32)
-    by_row = adapted.reshape(size, loops.COLUMNS)
-    by_row[:, :count] = motions
+    level = Level.of(matrix)
+    order = level.slabs.order
+    vectors = np.empty((len(order), ROWS, COLUMNS), np.float32)
+    loops.gather(vectors, motions, order, 1.0)
     for _ in range(CANDIDATE_SWEEPS):
-        level.smooth_back(adapted, np.zeros_like(adapted))
-    return by_row[:, :count].astype(float)
+        level.smooth_back(vectors, np.zeros_like(vectors))
+    adapted = np.empty_like(motions)
+    loops.scatter(vectors, adapted, order, 1.0)
+    return adapted

@@ -17,6 +17,22 @@ SLABS = 16
 """Largest number of slabs: more slabs share the work more evenly, fewer have longer runs."""
 
 
+def slab_bounds(reach: Ints) -> Ints:
+    """Return the first row of each slab, and the number of rows at the end.
+
+    `reach` (n,) ascends: it is the last row that touches a row or an earlier one. A slab touches
+    only the slabs before and after it.
+    """
+    n = len(reach)
+    min_rows = -(-n // SLABS)
+    bounds = [0, min(min_rows, n)]
+    while bounds[-1] < n:
+        # The reach of the slab before the last ends where the next one begins.
+        end_of_reach = int(reach[bounds[-1] - 1]) + 1
+        bounds.append(min(max(bounds[-1] + min_rows, end_of_reach), n))
+    return np.array(bounds)
+
+
 def slabs_of(ends: Ints, n: int, crossing: int = 0) -> Ints:
     """Return the first contact of each slab, and the number of contacts at the end.
 
@@ -34,12 +50,7 @@ def slabs_of(ends: Ints, n: int, crossing: int = 0) -> Ints:
     (rows,) = np.nonzero(np.diff(starts))
     reach[rows] = np.maximum(rows, np.maximum.reduceat(inside[:, 1], starts[rows]))
     reach = np.maximum.accumulate(reach)
-    min_spheres = -(-n // SLABS)
-    bounds = [0, min(min_spheres, n)]
-    while bounds[-1] < n:
-        # The reach of the slab before the last ends where the next one begins.
-        end_of_reach = int(reach[bounds[-1] - 1]) + 1
-        bounds.append(min(max(bounds[-1] + min_spheres, end_of_reach), n))
+    bounds = slab_bounds(reach).tolist()
     if crossing == 0:
         return starts[bounds]
     if len(bounds) % 2 == 1:

@@ -106,23 +106,32 @@ def test_a_cycle_is_linear_symmetric_and_positive(system):
 
 
 @needs_pyamg
-def test_eliminated_bodies_do_not_touch_and_have_few_contacts():
-    """Solve in one cycle with one level: with the factor of what remains elimination is exact."""
+def test_eliminated_bodies_do_not_touch_and_the_others_are_stiff(monkeypatch):
+    """Solve in one cycle with one level: with the inverse of what remains elimination is exact."""
     from modal.solvers import elimination
+    from modal.solvers.block_matrices import own_blocks, some_blocks
 
     system = LinearSystem.of(diluted(0.4, 1, 12))
     matrix = system.shifted(-1e-3 * system.diagonal.max()).tobsr((6, 6))
-    bodies = elimination.independent_bodies(matrix)
-    blocks = elimination.some_blocks(matrix, bodies, bodies)
-    assert len(bodies) > 10
-    assert len(blocks.data) == len(bodies)
-    assert (np.diff(matrix.indptr)[bodies] <= 1 + elimination.MAX_CONTACTS).all()
+    every = np.arange(matrix.shape[0] // 6)
+    monkeypatch.setattr(elimination, "MIN_STIFFNESS", 0.7)
+    parts = elimination.eliminate(matrix.copy())
+    first, *others = parts.rounds
+    blocks = some_blocks(matrix, first.bodies, first.bodies)
+    assert len(first.bodies) > 10
+    assert len(blocks.data) == len(first.bodies)
+    assert (np.diff(matrix.indptr)[first.bodies] <= 1 + elimination.MAX_CONTACTS).all()
+    out = np.concatenate([each.bodies for each in parts.rounds])
+    assert len(others) > 0
+    assert sorted([*out, *parts.remaining]) == every.tolist()
+    unit = np.tile(np.eye(6), (len(parts.remaining), 1, 1))
+    assert own_blocks(parts.schur) == pytest.approx(unit, abs=1e-9)
     load = np.random.default_rng(3).standard_normal((system.size, 3))
     for most in (100, 10**6):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("modal.solvers.hierarchy.MAX_COARSEST_ROWS", most)
-            parts = elimination.eliminate(matrix, np.arange(matrix.shape[0] // 6))
-            inverse = elimination.EliminationHierarchy(parts, soft_motions(system).rigid)
+            motions = soft_motions(system).rigid
+            inverse = elimination.EliminationHierarchy(matrix.copy(), motions, every[::-1])
         residual = np.linalg.norm(matrix @ inverse.apply(load) - load) / np.linalg.norm(load)
         assert (residual < 1e-4) == (most == 10**6)
 

@@ -55,22 +55,21 @@ def _load() -> None:
 
 def _make(problem: Problem) -> Factor:
     """Make the hierarchy of a positive definite matrix whose soft motions are known."""
-    from modal.solvers.elimination import EliminationHierarchy, eliminate
+    from modal.solvers.elimination import EliminationHierarchy
 
     soft = problem.soft
     apply = problem.apply
     if soft is None or apply is None:
         raise ValueError("multigrid needs the soft motions of the packing, and a product")
-    matrix = problem.matrix
     free = soft.free
+    matrix = problem.matrix
     free_energy = np.asarray(free.multiply(matrix @ free).sum(axis=0)).ravel()
     _lift(matrix, free)
-    parts = eliminate(matrix, problem.order)
-    matrix.data = np.empty((0, *matrix.blocksize))  # its memory is free from here on
-    hierarchy = EliminationHierarchy(parts, soft.rigid)
-    del parts
+    hierarchy = EliminationHierarchy(matrix, soft.rigid, problem.order)
 
     def hold(columns: Floats) -> Floats:
+        if free.shape[1] == 0:
+            return columns
         return columns - free @ (free.T @ columns)
 
     def approximate(load: Floats) -> Floats:
