@@ -1,10 +1,10 @@
 """Solve for the static response of all spheres to several loads at once.
 
 Conjugate gradients run with one of three preconditioners. With a PARDISO factorisation of K plus a
-very small shift they take a few steps. With a cycle of multigrid they take some tens of steps and
-less memory; multigrid is also set up faster, except where contacts are few. With the inverse of
-each sphere's own block of K they need no package, and take some hundreds of steps. All work on the
-mass-scaled matrix A = M^-1/2 K M^-1/2, so that motions without energy stay zero: the load does no
+very small shift they take a few steps. With a cycle of multigrid they take tens of steps, or a
+hundred and more where contacts are few; it is prepared faster and takes less memory. With the
+inverse of each sphere's own block of K they need no package, and take hundreds of steps. All work
+on the mass-scaled matrix A = M^-1/2 K M^-1/2, so that motions without energy stay zero: the load does no
 work on them.
 """
 
@@ -36,13 +36,17 @@ MAX_PRODUCTS = 20000
 LOAD_ROUNDINGS = 10.0
 """Round-off of a load, in units of machine epsilon times the size of its terms."""
 MULTIGRID_STEPS = 30
-"""Number of steps of conjugate gradients with multigrid: 27 for the moduli of case 6."""
+"""Number of steps of conjugate gradients with multigrid: 24 for the moduli of case 6."""
+MANY_CONTACTS = 5.0
+STEPS_WITH_FEW_CONTACTS = 120
+"""Number of steps with fewer contacts for each sphere than these: case 29, with 4, takes 123,
+and 125,000 spheres with 4.2 take 114."""
+STEP_OPERATIONS = 200
+"""Multiplications that would take as long as a step besides product and cycle, for each row and
+load."""
 MIN_MULTIGRID_ROWS = 1e5
 """Least number of rows for which multigrid is taken: smaller packings take seconds in any way, and
 PARDISO's few steps give more digits."""
-MIN_MULTIGRID_CONTACTS = 5.0
-"""Least mean number of contacts of a sphere for which multigrid is taken: case 29, with 4, takes
-more than four times as many steps as case 6, with 6."""
 MAX_FACTOR_OPERATIONS = 6e11
 """Largest number of multiplications of a factor that is used, about a minute."""
 MAX_FACTOR_MEMORY_SHARE = 0.8
@@ -120,11 +124,14 @@ def _faster_solver(system: LinearSystem, columns: int) -> str:
     if fits and available("pardiso"):
         operations["pardiso"] = factor.operations
     hierarchy = named("multigrid").cost(shape, True)
-    contacts_per_sphere = 2 * system.network.n_contacts / system.network.n_particles
-    suitable = shape.rows > MIN_MULTIGRID_ROWS and contacts_per_sphere > MIN_MULTIGRID_CONTACTS
-    if suitable and hierarchy.bytes < free and available("multigrid"):
-        step = hierarchy.approximation + BLOCK_PRODUCT_OPERATIONS * shape.nonzeros
-        operations["multigrid"] = hierarchy.operations + MULTIGRID_STEPS * columns * step
+    suitable = shape.rows > MIN_MULTIGRID_ROWS and available("multigrid")
+    if suitable and hierarchy.bytes < free:
+        contacts_per_sphere = 2 * system.network.n_contacts / system.network.n_particles
+        few = contacts_per_sphere < MANY_CONTACTS
+        steps = STEPS_WITH_FEW_CONTACTS if few else MULTIGRID_STEPS
+        product = BLOCK_PRODUCT_OPERATIONS * shape.nonzeros
+        step = hierarchy.approximation + product + STEP_OPERATIONS * shape.rows
+        operations["multigrid"] = hierarchy.operations + steps * columns * step
     if not operations:
         return "gradients"
     return min(operations, key=lambda name: operations[name])

@@ -14,7 +14,7 @@ from modal.elasticity import steady
 from modal.modes.eigenmodes import modes_of
 from modal.modes.soft_motions import soft_motions
 from modal.solvers import factor as registry
-from modal.solvers.factor import available, named
+from modal.solvers.factor import Cost, available, named
 from modal.solvers.factorisations import multigrid
 from modal.system.linear_system import Limits, LinearSystem
 
@@ -197,15 +197,34 @@ def test_moduli_equal_those_of_another_solver():
 
 
 @needs_pyamg
-def test_moduli_take_multigrid_where_contacts_are_many(monkeypatch):
-    """Take it where no factor is at hand; not in small packings, nor with 4 contacts a sphere."""
-    full = LinearSystem.of(disordered((3, 3, 12)))
-    few = LinearSystem.of(diluted(0.65, 1, 12))
-    monkeypatch.setattr(steady, "available", lambda name: name == "multigrid")
-    assert steady._faster_solver(full, 6) == "gradients"
+@pytest.mark.parametrize("factor", ["absent", "cheap", "dear"])
+def test_moduli_take_the_cheaper_of_multigrid_and_a_factor(factor, monkeypatch):
+    """Take multigrid also where no factor is at hand, but not in small packings."""
+    system = LinearSystem.of(disordered((3, 3, 12)))
+    operations = {"absent": 0.0, "cheap": 0.0, "dear": 1e11}[factor]
+    monkeypatch.setattr(steady, "available", lambda name: factor != "absent" or name == "multigrid")
+    monkeypatch.setattr(steady, "factorisation", lambda *_, kept: Cost(0.0, operations))
+    small = "gradients" if factor == "absent" else "pardiso"
+    assert steady._faster_solver(system, 6) == small
     monkeypatch.setattr(steady, "MIN_MULTIGRID_ROWS", 0)
-    assert steady._faster_solver(full, 6) == "multigrid"
-    assert steady._faster_solver(few, 6) == "gradients"
+    assert steady._faster_solver(system, 6) == ("pardiso" if factor == "cheap" else "multigrid")
+
+
+@needs_pyamg
+def test_few_contacts_are_estimated_to_take_more_steps(monkeypatch):
+    """Take a factor that costs more than the steps with many contacts, and less than with few."""
+    system = LinearSystem.of(disordered((3, 3, 12)))
+    monkeypatch.setattr(steady, "MIN_MULTIGRID_ROWS", 0)
+    monkeypatch.setattr(steady, "available", lambda name: True)
+    hierarchy = Cost(0.0, 0.0, approximation=1e6)
+    monkeypatch.setattr(
+        steady, "named", lambda name: replace(named(name), cost=lambda *_: hierarchy)
+    )
+    factor = Cost(0.0, 60 * 6 * 1e6)
+    monkeypatch.setattr(steady, "factorisation", lambda *_, kept: factor)
+    for many, solver in ((0, "multigrid"), (100, "pardiso")):
+        monkeypatch.setattr(steady, "MANY_CONTACTS", many)
+        assert steady._faster_solver(system, 6) == solver
 
 
 def test_it_counts_no_modes_and_solves_below_them_alone():
