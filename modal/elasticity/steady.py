@@ -4,8 +4,8 @@ Conjugate gradients run with one of three preconditioners. With a PARDISO factor
 very small shift they take a few steps. With a cycle of multigrid they take tens of steps, or a
 hundred and more where contacts are few; it is prepared faster and takes less memory. With the
 inverse of each sphere's own block of K they need no package, and take hundreds of steps. All work
-on the mass-scaled matrix A = M^-1/2 K M^-1/2, so that motions without energy stay zero: the load does no
-work on them.
+on the mass-scaled matrix A = M^-1/2 K M^-1/2, so that motions without energy stay zero: the load
+does no work on them.
 """
 
 from collections.abc import Callable
