@@ -26,8 +26,7 @@ TOLERANCE = 1e-7
 """Residual |A v - omega^2 v| of a converged mode, divided by omega^2 - sigma. The relative error of
 omega^2 is about the square of this, divided by the relative distance of the next modes."""
 WIDTH = 16
-"""Number of modes that are improved at a time: a group of columns of the multigrid cycle for each
-of two threads."""
+"""Number of modes that are improved at a time: two groups of columns of the multigrid cycle."""
 GROUP = 8
 """Columns that the approximate inverse takes together: fewer cost as much."""
 GUARDS = 24

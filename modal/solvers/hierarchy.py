@@ -9,7 +9,8 @@ backwards. The matrices are made in double precision and kept in single precisio
 
 Further motions of the aggregates, random ones after sweeps, lower the number of steps of conjugate
 gradients near isostaticity, but not the time: with 24 motions instead of six, 2,500 spheres with
-3.8 contacts take 49 steps instead of 102, each of which takes 2.9 times as long.
+3.8 contacts took 49 steps instead of 102 (with one round of `modal.solvers.elimination`), each of
+which took 2.9 times as long.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ from modal.solvers.block_matrices import (
 )
 from modal.solvers.block_products import COLUMNS, ROWS
 from modal.solvers.factor import band
-from modal.tools import slabs
 from modal.tools.arrays import Floats, Ints, Singles
+from modal.tools.slabs import ENOUGH, slab_bounds
 
 MAX_COARSEST_ROWS = 1000
 """Largest number of rows of the matrix whose inverse is computed: a full one, since a product with
@@ -59,8 +60,8 @@ class InSlabs(NamedTuple):
 def in_slabs(matrix: sp.bsr_matrix) -> InSlabs:
     """Cut the bodies of a matrix into slabs; packings too small for threads have one."""
     order, reach = band(matrix)
-    bounds = slabs.slab_bounds(reach)
-    if len(order) < slabs.ENOUGH:
+    bounds = slab_bounds(reach)
+    if len(order) < ENOUGH:
         bounds = bounds[[0, -1]]
     parts = [order[first:last] for first, last in pairwise(bounds)]
     even = parts[::2]

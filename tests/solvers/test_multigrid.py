@@ -1,6 +1,7 @@
 """Multigrid: its solutions, modes and moduli against those of direct factors; its steps."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -103,6 +104,43 @@ def test_a_cycle_is_linear_symmetric_and_positive(system):
     mixed = load @ np.ones((11, 1))
     total = result.sum(axis=1, keepdims=True)
     assert np.linalg.norm(factor.precondition(mixed) - total) <= 1e-5 * np.linalg.norm(total)
+
+
+@needs_pyamg
+@pytest.mark.parametrize("enough", [1, 10**6])
+def test_sweeps_are_those_of_gauss_seidel(enough, monkeypatch):
+    """Compare the sweeps of a level, in several slabs or one, with triangular solutions.
+
+    Slabs of the same half do not touch, so that their order makes no difference.
+    """
+    from modal.solvers.block_matrices import scale_to_unit_blocks
+    from modal.solvers.hierarchy import Level
+
+    monkeypatch.setattr("modal.solvers.hierarchy.ENOUGH", enough)
+    system = LinearSystem.of(disordered((3, 3, 12)))
+    matrix = system.shifted(-1e-3 * system.diagonal.max()).tobsr((6, 6))
+    scale_to_unit_blocks(matrix)
+    level = Level.of(matrix)
+    order, bounds, halves = level.slabs
+    assert (len(bounds) > 2) == (enough == 1)
+    rows = (6 * order[:, None] + np.arange(6)).ravel()
+    A = matrix.toarray()[np.ix_(rows, rows)]
+    body = np.arange(len(rows)) // 6
+    slab = np.repeat(np.arange(len(bounds) - 1), np.diff(bounds))[body]
+    for first, last in pairwise(halves):
+        of_half = np.flatnonzero((first <= slab) & (slab < last))
+        same_slab = slab[of_half, None] == slab[of_half]
+        assert (A[np.ix_(of_half, of_half)] == 0)[~same_slab].all()
+    lower = A * (body[:, None] > body)
+    load = np.random.default_rng(4).standard_normal((len(order), 6, 8)).astype(np.float32)
+    by_row = load.reshape(-1, 8)
+    solution, residual = level.smooth(load)
+    exact = np.linalg.solve(lower + np.eye(len(A)), by_row)
+    assert solution.reshape(-1, 8) == pytest.approx(exact, rel=1e-4, abs=1e-5)
+    assert residual.reshape(-1, 8) == pytest.approx(by_row - A @ exact, rel=1e-4, abs=1e-5)
+    level.smooth_back(solution, load)
+    exact = np.linalg.solve(lower.T + np.eye(len(A)), by_row - lower @ exact)
+    assert solution.reshape(-1, 8) == pytest.approx(exact, rel=1e-4, abs=1e-5)
 
 
 @needs_pyamg
