@@ -38,9 +38,8 @@ LOAD_ROUNDINGS = 10.0
 MULTIGRID_STEPS = 30
 """Number of steps of conjugate gradients with multigrid: 24 for the moduli of case 6."""
 MANY_CONTACTS = 5.0
-STEPS_WITH_FEW_CONTACTS = 120
-"""Number of steps with fewer contacts for each sphere than these: case 29, with 4, takes 123,
-and 125,000 spheres with 4.2 take 114."""
+STEPS_WITH_FEW_CONTACTS = 80
+"""Number of steps with fewer contacts for each sphere than these: case 29, with 4, takes 80."""
 STEP_OPERATIONS = 200
 """Multiplications that would take as long as a step besides product and cycle, for each row and
 load."""

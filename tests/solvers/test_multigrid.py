@@ -175,6 +175,29 @@ def test_eliminated_bodies_do_not_touch_and_the_others_are_stiff(monkeypatch):
 
 
 @needs_pyamg
+def test_stiffness_of_pairs_is_that_of_their_own_matrices():
+    """Compare with the eigenvalues of the two bodies' 12 x 12 part of the matrix, one by one."""
+    from modal.solvers.block_matrices import scale_to_unit_blocks
+    from modal.solvers.elimination import pair_stiffness
+
+    system = LinearSystem.of(diluted(0.4, 1, 12))
+    matrix = system.shifted(-1e-3 * system.diagonal.max()).tobsr((6, 6))
+    scale_to_unit_blocks(matrix)
+    blocks = matrix.toarray().reshape(-1, 6, matrix.shape[0] // 6, 6).swapaxes(1, 2)
+    softest = np.full(len(blocks), np.inf)
+    for one, other in np.argwhere(blocks.any(axis=(2, 3))):
+        if one != other:
+            pair = blocks[np.ix_([one, other], [one, other])].swapaxes(1, 2).reshape(12, 12)
+            softest[one] = min(softest[one], np.linalg.eigvalsh(pair)[0])
+    most = np.median(softest)
+    computed = pair_stiffness(matrix, most)
+    is_soft = softest < most
+    assert 0 < is_soft.sum() < len(blocks)
+    assert computed[is_soft] == pytest.approx(softest[is_soft], abs=1e-12)
+    assert (computed[~is_soft] > most - 1e-12).all()
+
+
+@needs_pyamg
 def test_steps_do_not_grow_with_the_packing(monkeypatch):
     """Solve for a crystal with random stiffnesses and for one of eight times the spheres.
 
