@@ -153,6 +153,7 @@ def test_eliminated_bodies_do_not_touch_and_the_others_are_stiff(monkeypatch):
     matrix = system.shifted(-1e-3 * system.diagonal.max()).tobsr((6, 6))
     every = np.arange(matrix.shape[0] // 6)
     monkeypatch.setattr(elimination, "MIN_STIFFNESS", 0.7)
+    monkeypatch.setattr(elimination, "MAX_LATER_CONTACTS", 8)
     parts = elimination.eliminate(matrix.copy())
     first, *others = parts.rounds
     blocks = some_blocks(matrix, first.bodies, first.bodies)
@@ -161,6 +162,8 @@ def test_eliminated_bodies_do_not_touch_and_the_others_are_stiff(monkeypatch):
     assert (np.diff(matrix.indptr)[first.bodies] <= 1 + elimination.MAX_CONTACTS).all()
     out = np.concatenate([each.bodies for each in parts.rounds])
     assert len(others) > 0
+    contacts = [np.bincount(each.coupling.indices) for each in others]
+    assert np.concatenate(contacts).max() == 8
     assert sorted([*out, *parts.remaining]) == every.tolist()
     unit = np.tile(np.eye(6), (len(parts.remaining), 1, 1))
     assert own_blocks(parts.schur) == pytest.approx(unit, abs=1e-9)
