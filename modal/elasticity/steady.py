@@ -26,20 +26,23 @@ from modal.tools.memory import memory_at_hand
 SOLVERS = ("pardiso", "multigrid", "gradients")
 """Names of the preconditioners: a factor of K, a hierarchy of coarser matrices, or the inverses of
 the spheres' own blocks."""
-SHIFT_SHARE = 1e-8
-"""Shift of the factor below zero, divided by the largest diagonal entry of A. The softest elastic
-motion of 150 layers has an eigenvalue of 1e-5 of that entry, motions without energy have zero."""
+SHIFT_SHARE = {"pardiso": 1e-8, "multigrid": 1e-7}
+"""Shift below zero, divided by the largest diagonal entry of A. The softest elastic motion of 150
+layers has an eigenvalue of 1e-5 of that entry, motions without energy have zero. With 1e-8 the
+single precision of multigrid could make their stiffness negative."""
 LOOK_BACK_STEPS = {"pardiso": 1, "multigrid": 4, "gradients": 30}
 """Number of steps of conjugate gradients over which the error is measured, by the
 preconditioner."""
 MAX_PRODUCTS = 20000
+"""Largest number of products with K, after which a solution is refused."""
 LOAD_ROUNDINGS = 10.0
 """Round-off of a load, in units of machine epsilon times the size of its terms."""
 MULTIGRID_STEPS = 30
 """Number of steps of conjugate gradients with multigrid: 24 for the moduli of case 6."""
-MANY_CONTACTS = 5.0
+FEW_CONTACTS = 5.0
+"""Mean number of contacts of a sphere below which more steps are taken."""
 STEPS_WITH_FEW_CONTACTS = 80
-"""Number of steps with fewer contacts for each sphere than these: case 29, with 4, takes 80."""
+"""Number of steps with few contacts: case 29, with 3.8, takes 80."""
 STEP_OPERATIONS = 200
 """Multiplications that would take as long as a step besides product and cycle, for each row and
 load."""
@@ -88,7 +91,7 @@ def steady_motion(
         factor = _own_blocks(system)
     else:
         # Spheres that touch only their own images have no stiffness at all: any shift will do.
-        sigma = -SHIFT_SHARE * system.diagonal.max() or -1.0
+        sigma = -SHIFT_SHARE[solver] * system.diagonal.max() or -1.0
         soft = soft_motions(system) if solver == "multigrid" else None
         factor = system.factor(sigma, definite=True, solver=solver, soft=soft)
     load = root.over(coupling.push.toarray())
@@ -126,7 +129,7 @@ def _faster_solver(system: LinearSystem, columns: int) -> str:
     suitable = shape.rows > MIN_MULTIGRID_ROWS and available("multigrid")
     if suitable and hierarchy.bytes < free:
         contacts_per_sphere = 2 * system.network.n_contacts / system.network.n_particles
-        few = contacts_per_sphere < MANY_CONTACTS
+        few = contacts_per_sphere < FEW_CONTACTS
         steps = STEPS_WITH_FEW_CONTACTS if few else MULTIGRID_STEPS
         product = BLOCK_PRODUCT_OPERATIONS * shape.nonzeros
         step = hierarchy.approximation + product + STEP_OPERATIONS * shape.rows

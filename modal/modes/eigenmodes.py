@@ -17,7 +17,7 @@ from modal.modes.counts import check_count, count_below
 from modal.modes.dense import dense_modes
 from modal.modes.mode_set import Choice, ChoiceKind, ModeSet, certificate
 from modal.modes.observables import Piece, found_modes
-from modal.modes.search import AboutShift, FromBelow, FromTop, Search
+from modal.modes.search import AboutShift, FromBelow, FromTop, Search, no_mode_converged
 from modal.modes.strategy import ModeRequest
 from modal.modes.uncounted import search_uncounted
 from modal.modes.unsymmetric import modes_at_an_end
@@ -28,7 +28,7 @@ from modal.system.contacts import PreStress, Sliding
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arguments import checked
 from modal.tools.arrays import Bools, Floats
-from modal.tools.errors import InputError, UnavailableError
+from modal.tools.errors import InputError
 from modal.tools.workload import MAX_SECONDS
 
 DEFAULT_COUNT = 10
@@ -273,12 +273,7 @@ def _find_lowest(
     search = Search(system, source, floppy.basis)
     missing = search.complete(choice.count, 1, lambda f: count_below(system, f) - floppy.held)
     if not len(search.square):
-        raise UnavailableError(
-            "not_converged",
-            "no mode converged",
-            "the contrast of stiffnesses or masses leaves the lowest modes below round-off",
-            "ask for the highest, or for an interval further up",
-        )
+        raise no_mode_converged()
     if not missing:
         counted_floppy(system, search.at_zero)
     return _list_found(search, choice, missing)

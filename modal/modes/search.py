@@ -30,6 +30,7 @@ from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import dot, top_mode
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.errors import UnavailableError
 from modal.tools.memory import memory_at_hand
 
 MIN_DISTANCE_ABOVE = 1e-7
@@ -327,3 +328,13 @@ class Search:
     def held(self) -> Held:
         """Return all modes that the next round excludes."""
         return Held(self.null, self.vector)
+
+
+def no_mode_converged() -> UnavailableError:
+    """Return the refusal of a search that found nothing."""
+    return UnavailableError(
+        "not_converged",
+        "no mode converged",
+        "the contrast of stiffnesses or masses leaves the lowest modes below round-off",
+        "ask for the highest, or for an interval further up",
+    )

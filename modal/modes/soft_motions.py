@@ -34,7 +34,8 @@ def soft_motions(system: LinearSystem) -> SoftMotions:
 def _rigid_motions(system: LinearSystem) -> Floats:
     """Return mass-scaled translations and rotations of all bodies together, (size, 6).
 
-    The largest entry of each is 1. Bodies that touch across a period do not move together.
+    The largest entry of each is 1, or 0 if all bodies are held. Bodies that touch across a period
+    do not move together.
     """
     network = system.network
     position = network.position - network.position.mean(axis=0)
@@ -44,4 +45,6 @@ def _rigid_motions(system: LinearSystem) -> Floats:
         motions[:, :3, 3 + axis] = np.cross(unit, position)
         motions[:, 3 + axis, 3 + axis] = 1
     scaled = system.sqrt_mass.times(motions.reshape(-1, 6))
-    return scaled / abs(scaled).max(axis=0)
+    largest = abs(scaled).max(axis=0)
+    largest[largest == 0] = 1
+    return scaled / largest

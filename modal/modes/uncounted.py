@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.modes.density import density_of
-from modal.modes.search import AboutShift, FromBelow, Search
+from modal.modes.search import AboutShift, FromBelow, Search, no_mode_converged
 from modal.modes.zero_modes import by_structure
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats
@@ -31,10 +31,10 @@ as near to the last one."""
 class UncountedSearch(NamedTuple):
     """The result of a search without a count, with evidence that it is complete.
 
-    missing: number of modes that did not converge. new: modes below the last one that only the
-    second search found. expected, error: number of elastic modes up to the last one, estimated from
-    the density of states, and its standard error; its kernel counts modes near the last one in
-    part, more than were asked for if the list ends in a cluster.
+    missing: number of modes that did not converge. new: number of modes below the last mode of the
+    list that only the second search found. expected, error: number of elastic modes up to the last
+    mode, estimated from the density of states, and its standard error. The estimate counts modes
+    near the last one in part: more modes than were asked for if the list ends in a cluster.
     """
 
     search: Search
@@ -72,6 +72,8 @@ def search_uncounted(
         return square != 0
 
     missing = max(search.search_until(count, is_elastic), 0)
+    if missing == count:
+        raise no_mode_converged()
     elastic = np.sort(search.square[is_elastic(search.square)])
     last = float(elastic[: count - missing][-1])
     n_known = len(search.square)

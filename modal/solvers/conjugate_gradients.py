@@ -87,11 +87,11 @@ def conjugate_gradients(
         Least number of steps over which the error is measured: 1 if the preconditioner is nearly
         the inverse, some tens otherwise. `LOOK_BACK_SHARE` of all steps is used if this is more.
     most_products : int
-        Largest number of products with A.
+        Largest number of steps, each a product with A. One more product gives the residual.
 
     Raises
     ------
-    InputError
+    UnavailableError
         If `most_products` do not suffice; code "not_converged".
     """
     motion = np.zeros_like(load)

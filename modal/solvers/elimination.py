@@ -8,7 +8,8 @@ them. A set E of bodies of which no two touch is eliminated by the blocks of sin
 and multigrid solves for the remaining bodies R. The elimination of a body couples its neighbours
 with each other. Therefore bodies with few contacts are eliminated, those with the fewest first.
 Some of the others have lost most of their stiffness then, alone or together with one that they
-touch: the soft motions of loosely held groups. They follow in further rounds, until all are stiff.
+touch: the soft motions of loosely held groups. Of these bodies, too, those are eliminated that do
+not touch, and so on, until all bodies and pairs are stiff or coupled with too many others.
 
 All bodies are scaled, before the elimination and after each round, so that their own blocks of the
 matrix are 1: A_EE^-1 is then 1, and no motion is too soft for single precision.
@@ -35,13 +36,15 @@ MAX_CONTACTS = 4
 """Largest number of contacts of a body that is eliminated first. Of 35,201 spheres with z = 4.45
 this takes 14,896; with 3 it takes 10,656, and conjugate gradients take 1.4 times as many steps."""
 MIN_STIFFNESS = 0.2
-"""Least stiffness of a body that is left, in its softest direction, divided by that before the
-round. With 0.1, 0.2 and 0.3, and no pairs, case 30 takes 88, 90 and 79 steps for each load, and the
-set-up of case 29 takes 1.9, 2.3 and 3.9 s."""
+"""Least stiffness of a body that is left, in its softest direction, divided by its stiffness before
+the round. With 0.1, 0.2 and 0.3, if pairs are not looked at, case 30 of the study (35,201
+spheres with 4.1 contacts) takes 88, 90 and 79 steps for each load, and the set-up of case 29 (3.8
+contacts) takes 1.9, 2.3 and 3.9 s."""
 MIN_PAIR_STIFFNESS = 0.15
 """Least stiffness of a touching pair, in its softest motion, divided by that of one body while the
-other is held. With none, 0.05, 0.1 and 0.15 the moduli of 125,000 spheres with 4.2 contacts take
-114, 43, 39 and 28 steps; with 0.25 case 30 takes 55 in place of 63, but 1.2 times as long."""
+other is held. With 0.05, 0.1 and 0.15 the moduli of 125,000 spheres with 4.2 contacts take 43, 39
+and 28 steps, and 114 if pairs are not looked at; with 0.25 case 30 of the study takes 55 in place
+of 63, but 1.2 times as long."""
 MAX_LATER_CONTACTS = 20
 """Largest number of bodies that a body touches, or is coupled with, which is eliminated later. With
 20, 30 and 60 the moduli of 4,000 spheres whose stiffnesses spread over 1,000 take 1.4, 1.6 and 2.6
@@ -52,8 +55,8 @@ s and 36 to 39 steps; without a limit one body would be coupled with a thousand,
 class Round(NamedTuple):
     """Bodies that are eliminated together, and their coupling to those that are left.
 
-    bodies: their numbers (e,). coupling: sparse matrix (6 n, 6 e), zero in the rows of bodies that
-    are eliminated in this round or an earlier one.
+    bodies: their numbers (e,). coupling: sparse matrix (6 n, 6 e), scaled as all bodies are after
+    the last round, zero in the rows of bodies that are eliminated in this round or an earlier one.
     """
 
     bodies: Ints
@@ -102,26 +105,26 @@ def eliminate(matrix: sp.bsr_matrix) -> Eliminated:
         scale = scale @ factors
         for each in rounds:
             multiply_rows(each.coupling, factors.transpose(0, 2, 1))
-        softness = np.minimum(
+        relative_stiffness = np.minimum(
             stiffness / MIN_STIFFNESS,
             pair_stiffness(matrix, MIN_PAIR_STIFFNESS) / MIN_PAIR_STIFFNESS,
         )
-        softness[np.diff(matrix.indptr) > 1 + MAX_LATER_CONTACTS] = np.inf
-        chosen = independent_bodies(matrix, softness, 1.0)
+        relative_stiffness[np.diff(matrix.indptr) > 1 + MAX_LATER_CONTACTS] = np.inf
+        chosen = independent_bodies(matrix, relative_stiffness, 1.0)
     return Eliminated(rounds, remaining, scale, matrix)
 
 
-def pair_stiffness(matrix: sp.bsr_matrix, most: float) -> Floats:
+def pair_stiffness(matrix: sp.bsr_matrix, limit: float) -> Floats:
     """Return, for each of n bodies, the stiffness (n,) of the softest pair that it belongs to.
 
     The own blocks of the matrix are 1. If B is the coupling of two bodies, the softest motion of
-    both has the stiffness 1 - |B|. Only values below `most` are computed; others are infinite.
+    both has the stiffness 1 - |B|. Only values below `limit` are computed; others are infinite.
     """
     stiffness = np.full(len(matrix.indptr) - 1, np.inf)
     rows = rows_of_blocks(matrix)
     # The sum of the squares of all entries bounds the norm.
     bound = np.einsum("mij,mij->m", matrix.data, matrix.data)
-    (places,) = np.nonzero((bound > (1 - most) ** 2) & (rows < matrix.indices))
+    (places,) = np.nonzero((bound > (1 - limit) ** 2) & (rows < matrix.indices))
     blocks = matrix.data[places]
     squared_norm = np.linalg.eigvalsh(blocks @ blocks.transpose(0, 2, 1))[:, -1]
     softest = 1 - np.sqrt(squared_norm)
@@ -169,22 +172,22 @@ class EliminationHierarchy:
             self.couplings.append(Transfer(some_blocks(-coupling, order, every)))
             order = np.append(order, eliminated)
         self.order = bodies[order]
-        self.largest = float(abs(scale).max())
+        self.scale_size = float(abs(scale).max())
         places = np.arange(len(bodies) + 1)
-        blocks = scale[order] / self.largest
+        blocks = scale[order] / self.scale_size
         self.scale = Transfer(sp.bsr_matrix((blocks, places[:-1], places)))
 
     def apply(self, load: Floats) -> Floats:
         """Return the approximate solution for loads (6 n, k)."""
         load = np.ascontiguousarray(load)
         solution = np.empty_like(load)
-        largest = max(load.max(), -load.min()) or 1.0
+        load_size = max(load.max(), -load.min()) or 1.0
         for first in range(0, load.shape[1], COLUMNS):
             columns = slice(first, first + COLUMNS)
             x = np.empty((len(self.order), ROWS, COLUMNS), np.float32)
-            loops.gather(x, load[:, columns], self.order, 1 / largest)
+            loops.gather(x, load[:, columns], self.order, 1 / load_size)
             x = self._solve(x)
-            loops.scatter(x, solution[:, columns], self.order, largest * self.largest**2)
+            loops.scatter(x, solution[:, columns], self.order, load_size * self.scale_size**2)
         return solution
 
     def _solve(self, load: Singles) -> Singles:
@@ -204,18 +207,18 @@ class EliminationHierarchy:
         return solution
 
 
-def independent_bodies(matrix: sp.bsr_matrix, values: Array, most: float) -> Ints:
-    """Return bodies, ascending, of which no two touch, each with a value of at most `most`.
+def independent_bodies(matrix: sp.bsr_matrix, values: Array, limit: float) -> Ints:
+    """Return bodies, ascending, of which no two touch, each with a value of at most `limit`.
 
     Those with the least of the `values` (n,) are taken first. At least one body is left.
     """
     pointers = matrix.indptr
-    is_free = values <= most
+    is_free = values <= limit
     chosen = []
     for body in np.argsort(values, kind="stable")[: int(is_free.sum())].tolist():
         if is_free[body]:
             chosen.append(body)
             is_free[matrix.indices[pointers[body] : pointers[body + 1]]] = False
-    if len(chosen) == len(values):
+    if chosen and len(chosen) == len(values):
         chosen.pop()
     return np.sort(np.array(chosen, int))

@@ -76,7 +76,7 @@ def _add_transfer(y, x, pointers, columns, blocks):
 def _gather(x, columns, bodies, factor):
     """Set x to columns (6 n, k), k <= 8, of a load times a factor; other columns to zero.
 
-    `bodies` (n,) are their rows' bodies in the order of x.
+    Row i of x belongs to body number `bodies[i]` of the load.
     """
     n = len(x)
     width = columns.shape[1]

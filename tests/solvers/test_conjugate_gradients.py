@@ -78,6 +78,33 @@ def test_the_error_is_that_of_the_energy():
         assert (after <= before).all()
 
 
+def test_motions_without_energy_from_the_preconditioner_do_not_count():
+    """Let the preconditioner turn the round-off of the residual into a motion without energy."""
+    matrix = stiff(n_free=3)
+    free = np.linalg.eigh(matrix)[1][:, :3]
+    load = loads(2, matrix)
+    solution = conjugate_gradients(
+        lambda x: matrix @ x,
+        lambda x: x + 1e14 * free @ (free.T @ x),
+        load,
+        lambda energy: 1e-16 * energy,
+        1e-13 * np.linalg.norm(load, axis=0),
+        look_back=1,
+        most_products=500,
+    )
+    exact = np.linalg.pinv(matrix, rcond=1e-9, hermitian=True) @ load
+    elastic = solution.motion - free @ (free.T @ solution.motion)
+    assert (np.linalg.norm(elastic - exact, axis=0) <= 1e-6 * np.linalg.norm(exact, axis=0)).all()
+
+
+@pytest.mark.parametrize("look_back", [1, 8, 40])
+def test_the_error_is_measured_over_enough_steps(look_back):
+    """Stop no earlier than after these steps, and one more product."""
+    matrix = stiff()
+    solution = solve(matrix, loads(1, matrix), error=0.9, look_back=look_back)
+    assert solution.products >= look_back + 1
+
+
 def test_too_few_products_are_refused():
     matrix = stiff()
     with refusal("not_converged"):

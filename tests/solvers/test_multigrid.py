@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from packings import diluted, disordered, sheared
 from refusals import refusal
 from scipy.linalg import eigh
@@ -35,6 +36,24 @@ def with_held_spheres():
     return replace(network, fixed=fixed)
 
 
+def in_a_plane():
+    """Return a disordered crystal whose spheres move along x and z, and turn about y, alone."""
+    network = disordered((3, 3, 12))
+    fixed = np.zeros((network.n_particles, 6), bool)
+    fixed[:, [1, 3, 5]] = True
+    return replace(network, fixed=fixed)
+
+
+def many_grains():
+    """Return 27 parts of a disordered crystal that do not touch each other."""
+    network = disordered((6, 6, 6))
+    edges = np.linspace(0, 1, 4)[1:-1]
+    place = (network.position - network.position.min(axis=0)) / np.ptp(network.position, axis=0)
+    part = np.digitize(place, edges) @ [1, 3, 9]
+    is_inside = part[network.particle_i] == part[network.partner]
+    return network.with_contacts(is_inside | network.with_wall)
+
+
 needs_pyamg = pytest.mark.skipif(not available("multigrid"), reason="needs PyAMG and numba")
 PACKINGS = {
     "walls": lambda: LinearSystem.of(disordered((3, 3, 12))),
@@ -42,6 +61,8 @@ PACKINGS = {
     "loose": lambda: LinearSystem.of(diluted(0.4, 1, 12)),
     "frictionless": lambda: LinearSystem.of(without_friction()),
     "held": lambda: LinearSystem.of(with_held_spheres()),
+    "in a plane": lambda: LinearSystem.of(in_a_plane()),
+    "apart": lambda: LinearSystem.of(many_grains()),
     "pre-stressed": lambda: LinearSystem.of(modal.fcc(cells=(3, 3, 8)), pre_stress="normal"),
 }
 
@@ -117,6 +138,7 @@ def test_sweeps_are_those_of_gauss_seidel(enough, monkeypatch):
     from modal.solvers.hierarchy import Level
 
     monkeypatch.setattr("modal.solvers.hierarchy.ENOUGH", enough)
+    monkeypatch.setattr("modal.tools.slabs.ENOUGH", enough)
     system = LinearSystem.of(disordered((3, 3, 12)))
     matrix = system.shifted(-1e-3 * system.diagonal.max()).tobsr((6, 6))
     scale_to_unit_blocks(matrix)
@@ -198,6 +220,48 @@ def test_stiffness_of_pairs_is_that_of_their_own_matrices():
     assert 0 < is_soft.sum() < len(blocks)
     assert computed[is_soft] == pytest.approx(softest[is_soft], abs=1e-12)
     assert (computed[~is_soft] > most - 1e-12).all()
+
+
+@needs_pyamg
+def test_loosely_held_pairs_are_eliminated():
+    """Let bodies 0 and 1 hold each other a thousand times as much as six others and the ground do.
+
+    Each alone is stiff. The last body, with one contact, starts the rounds.
+    """
+    from modal.solvers.elimination import eliminate
+
+    springs = np.full((8, 8), 1e-3)
+    springs[0, 1] = springs[1, 0] = 1
+    springs[7, 1:] = springs[1:, 7] = 0
+    stiffness = np.diag(springs.sum(axis=1)) - springs * (1 - np.eye(8))
+    assert np.linalg.eigvalsh(stiffness)[0] > 0
+    matrix = sp.bsr_matrix(np.kron(stiffness, np.eye(6)), blocksize=(6, 6))
+    parts = eliminate(matrix)
+    assert parts.rounds[0].bodies.tolist() == [7]
+    assert parts.rounds[1].bodies.tolist() in ([0], [1])
+
+
+@needs_pyamg
+def test_bodies_with_the_fewest_contacts_are_eliminated_first():
+    """Take the ends of a star of three contacts, not its centre, which has as few as is allowed."""
+    from modal.solvers.elimination import independent_bodies
+
+    touching = np.eye(4)
+    touching[0] = touching[:, 0] = 1
+    matrix = sp.bsr_matrix(np.kron(touching, np.eye(6)), blocksize=(6, 6))
+    contacts = np.diff(matrix.indptr) - 1
+    assert independent_bodies(matrix, contacts, 3).tolist() == [1, 2, 3]
+
+
+@needs_pyamg
+def test_a_hierarchy_is_the_same_every_time():
+    """Apply two hierarchies of one matrix; PyAMG's random vectors are the same, and given back."""
+    system = LinearSystem.of(disordered((3, 3, 12)))
+    load = np.random.default_rng(5).standard_normal((system.size, 2))
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    one, another = (factor_of(system)[0].precondition(load) for _ in range(2))
+    assert (one == another).all()
+    assert (np.random.get_state()[1] == before).all()  # noqa: NPY002
 
 
 @needs_pyamg
@@ -286,8 +350,8 @@ def test_few_contacts_are_estimated_to_take_more_steps(monkeypatch):
     )
     factor = Cost(0.0, 60 * 6 * 1e6)
     monkeypatch.setattr(steady, "factorisation", lambda *_, kept: factor)
-    for many, solver in ((0, "multigrid"), (100, "pardiso")):
-        monkeypatch.setattr(steady, "MANY_CONTACTS", many)
+    for few, solver in ((0, "multigrid"), (100, "pardiso")):
+        monkeypatch.setattr(steady, "FEW_CONTACTS", few)
         assert steady._faster_solver(system, 6) == solver
 
 
