@@ -8,8 +8,8 @@ import scipy.sparse as sp
 from modal.solvers.block_products import ROWS
 from modal.tools.arrays import Array, Floats, Ints
 
-BLOCKS_AT_ONCE = 200_000
-"""Number of blocks that are multiplied at a time, to save memory: 60 MB for each factor."""
+BLOCKS_AT_ONCE = 20_000
+"""Number of blocks that are multiplied at a time, to save memory: 6 MB for each factor."""
 
 
 def scale_to_unit_blocks(matrix: sp.bsr_matrix) -> Floats:
