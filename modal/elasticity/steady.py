@@ -30,7 +30,7 @@ SHIFT_SHARE = 1e-8
 """Shift of A below zero, divided by the largest diagonal entry of A. The softest elastic motion of
 150 layers has an eigenvalue of 1e-5 of that entry, motions without energy have zero. With 1e-8,
 3e-8 and 1e-7 the moduli of 125,000 spheres with 4.2 contacts take 30, 35 and 42 steps of multigrid:
-some soft motions of single spheres lie there."""
+some soft motions lie there."""
 LOOK_BACK_STEPS = {"pardiso": 1, "multigrid": 4, "gradients": 30}
 """Number of steps of conjugate gradients over which the error is measured, by the
 preconditioner."""
